@@ -64,11 +64,9 @@ CONTENTS (search for the tag)
 
 NOT INCLUDED
     No files, no windows, no threads of its own, no GPU. No refraction, no mirrors, no light from polygon to polygon.
-    Light scatters once in thin gas and multiply in other gas (SPS_SCATTERING_AUTO). SPS_SCATTERING_SINGLE and AMBIENT
-    are fastest; FORWARD and CONVOLUTION lie between. Ambient light is unshadowed, except by gas under
-    SPS_SCATTERING_MULTIPLE. Edges of polygons are smooth with sps_view.coverage_samples. Edges of their shadows, and of
-    classified volumes with voxels smaller than pixels, are not: render larger and downsample. Gas is filtered: a pixel
-    shows its mean.
+    Ambient light is unshadowed, except by gas under SPS_SCATTERING_MULTIPLE. sps_view.coverage_samples smooths edges of
+    polygons, but not edges of their shadows, nor of classified volumes with voxels smaller than pixels: render larger
+    and downsample. Gas is filtered: a pixel shows its mean.
 
 CONVENTIONS
     Nothing depends on handedness. Lengths are in the caller's unit, angles in radians. Matrices are row-major and
@@ -87,7 +85,7 @@ CONVENTIONS
 BUILD OPTIONS (define before the implementation is included; none changes a public type)
 
     SPLATSHADOW_IMPLEMENTATION   compiles the implementation; define it in exactly one source file
-    SPLATSHADOW_NO_REFERENCE     leaves out sps_reference, a fifth of the compile time; calls of it return
+    SPLATSHADOW_NO_REFERENCE     leaves out sps_reference, a fifth of the compile time; it then returns
                                  SPS_ERROR_UNSUPPORTED
     SPS_API                      default extern; may be an export attribute; or `static`, which drops unused functions
     SPS_ASSERT(c)                default assert(c); catches bugs in the library and in parallel_for_fn, not bad input
@@ -101,28 +99,25 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
                                  compiler is told to use (-march=native, /arch:AVX2, ...)
 
 MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs about
-    20 bytes per relevant voxel, 32 per particle, 176 per triangle, 24 to 60 per pixel, 68 per texel of shadow buffer,
-    4 per entry of a shadow table and 130 to 840 per cell of multiple scattering; docs/manual.md, section 10, has the
-    rest. sps_plan returns an upper bound beforehand. memory_limit is never exceeded.
-ERRORS   Calls return sps_result. sps_error returns one sentence that names the field and its value; sps_get_error
-    returns the same as data. After a failure the image is untouched and the context can be used again.
-THREADS   A context serves one call at a time. Any number of contexts can run at once, and any number of threads may
-    query a finished map. parallel_for_fn distributes the work. All other callbacks run on the calling thread, one at a
-    time, except that workers call read_fn, range_fn and eval_fn of `concurrent` volumes at once (not in sps_plan), and
-    with progress_fn also clock_fn. A callback that calls into its own context gets SPS_ERROR_CALLBACK, as does the
-    interrupted call; then the context can be used. No callback may leave by an exception or longjmp. If one does, and C
-    code has unwind tables (-fexceptions), later calls return SPS_ERROR_CALLBACK, and destroying the context and its
-    maps still frees all memory.
-REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. On
-    different machines this needs the same C library, rounding mode and treatment of denormal numbers in all threads.
-    Only a budget (sps_view) depends on the clock, earlier frames, the region and the number of workers.
+    20 bytes per relevant voxel, 32 per particle, 176 per triangle, 24 to 60 per pixel and 68 per texel of shadow
+    buffer. docs/manual.md, section 10, lists the rest. sps_plan returns an upper bound. memory_limit is never exceeded.
+ERRORS   Calls return sps_result; sps_error and sps_get_error tell field and value. After a failure the image is
+    untouched and the context can be used again.
+THREADS   A context serves one call at a time. Any number of contexts may run at once, and threads query a finished map.
+    parallel_for_fn distributes the work. All other callbacks run on the calling thread, one at a time, with two
+    exceptions. Workers call read_fn, range_fn and eval_fn of `concurrent` volumes at once (not in sps_plan). With
+    progress_fn, they also call clock_fn. A callback that calls into its own context gets SPS_ERROR_CALLBACK, as does
+    the interrupted call; then the context can be used. No callback may leave by an exception or longjmp. If one does,
+    later calls return SPS_ERROR_CALLBACK. Destroying the context and its maps then frees all memory, if C code has
+    unwind tables (-fexceptions).
+REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image.
+    Different machines need the same C library, rounding mode and treatment of denormal numbers. Only a budget
+    (sps_view) depends on the clock, earlier frames, the region and the number of workers.
 LIMITS   Images and shadow buffers up to 16384 on a side; projected textures up to 4096; 2^28 entries of a shadow
     table; 2^20 slabs. Coordinates and matrices within 1e15; voxels of 1e-14 to 1e10 world units, polygons from 1e-20
     up. Polygons shadow gas from point lights up to 1e7 times as far away as the gas is wide. They shade only points
-    farther behind them than the round-off of their corners, 1.2e-7 of the distance from the mesh's origin. Values above
-    1e18 are an error; values below 1e-30 count as 0. Beyond an optical depth of 86, transmittance is exactly 0; a
-    polygon has an optical depth of 1e15. Where a voxel's optical depth is well above 1, silhouettes shrink by a
-    fraction of a voxel, because kernels are cut. Classified volumes need slabs of 0.7 voxels or less.
+    farther behind than 1.2e-7 of their corners' distance from the mesh's origin. Values above 1e18 are an error; values
+    below 1e-30 count as 0. Beyond an optical depth of 86, transmittance is 0; polygons count as 1e15.
 
 PAPERS
     C. Zhang, R. Crawfis, "Light Propagation for Mixed Polygonal and Volumetric Data Using Splatting" >>slicing
@@ -203,19 +198,18 @@ typedef struct sps_error_info {
     /* Position of the volume, mesh, light or set of particles in the scene's array; -1 for other objects. After
        sps_tmap_finish, counted through all scenes added to the map. */
     int index;
-    /* Member of the object in C syntax ("transfer.points[2].value", "placement.origin[2]"; colors and directions as a
-       whole), or the callback that failed, or for SPS_ERROR_DATA the value ("particle[7].radius"). Arrays that the
-       library reads itself: "grid.scale", "arrays.positions". "": the object as a whole. */
+    /* Member of the object in C syntax ("transfer.points[2].value"; colors and directions as a whole), or the callback
+       that failed. For SPS_ERROR_DATA, the value ("particle[7].radius"). Inside sps_grid and sps_indexed_mesh:
+       "grid.scale", "arrays.positions". "": the object as a whole. */
     char field[64];
-    double value;       /* the field's value, the callback's result, or another number in the sentence; 0: none */
+    double value;       /* the field's value, the callback's result, or another number in the sentence */
     char sentence[256]; /* the text that sps_error returns */
 } sps_error_info;
 
 /* Runs a loop in parallel: call task(task_data, index, worker) once for each index 0..count-1, in any order, on any
-   threads. Return when all calls have returned and their writes are visible to the caller. `worker` is
-   0..worker_count-1, and no two concurrent calls have the same. The calling thread then runs omitted tasks as worker 0.
-   Tasks do not block and use up to 16 KB of stack (24 KB with AVX-512), besides that of clock_fn and of a `concurrent`
-   volume's callbacks. */
+   threads. Return when all have returned and their writes are visible. `worker` is 0..worker_count-1, distinct for
+   concurrent calls. Omitted tasks run afterwards, as worker 0. Tasks use up to 16 KB of stack (24 KB with AVX-512).
+   They do not block, except in clock_fn and callbacks of `concurrent` volumes. */
 typedef void (*sps_task_fn)(void *task_data, int index, int worker);
 typedef void (*sps_parallel_for_fn)(void *user, int count, sps_task_fn task, void *task_data);
 
@@ -226,9 +220,9 @@ typedef struct sps_config {
     void (*free_fn)(void *user, void *pointer, size_t size); /* `size` is the one passed to alloc_fn */
     sps_parallel_for_fn parallel_for_fn;                     /* NULL: everything runs on the calling thread */
     int worker_count;                                        /* 1..1024 with parallel_for_fn; 0 means 1 */
-    /* Called on the calling thread at the end and about every 10 ms by clock_fn (else SPS_CLOCK). `fraction` is 0..1
-       and never decreases. Returning non-zero cancels the call soon. With parallel_for_fn, set clock_fn too: pausing
-       without it costs up to a sixth of a frame's time. */
+    /* Called at the end and about every 10 ms by clock_fn (else SPS_CLOCK). `fraction` is 0..1 and never decreases.
+       Returning non-zero cancels the call soon. With parallel_for_fn, set clock_fn too, or waiting takes up to a sixth
+       of a frame's time. */
     int (*progress_fn)(void *user, float fraction);
     /* Receives one line without newline: errors (except for SPS_ERROR_CANCELLED), and warnings. */
     void (*message_fn)(void *user, const char *text);
@@ -239,23 +233,22 @@ typedef struct sps_config {
     uint32_t end_canary; /* leave 0 */
 } sps_config;
 
-/* An affine map from local to world space: local (0,0,0) maps to origin, and the unit vectors along x, y, z map to
-   axis[0], axis[1], axis[2]. All axes zero: the identity. A zero determinant is an error. */
+/* An affine map from local to world space: origin, and the images of the unit vectors along x, y, z. All axes zero: the
+   identity. A zero determinant is an error. */
 typedef struct sps_placement {
     double origin[3];
     double axis[3][3];
 } sps_placement;
 
-/* One Henyey-Greenstein lobe: p(c) = (1 - g^2) / (4 pi (1 + g^2 - 2 g c)^1.5). c is the cosine of the angle between
-   the directions of travel before and after scattering. [Henyey & Greenstein 1941] */
+/* One Henyey-Greenstein lobe: p(c) = (1 - g^2) / (4 pi (1 + g^2 - 2 g c)^1.5). c is the cosine of the scattering angle,
+   1 straight on. [Henyey & Greenstein 1941] */
 typedef struct sps_lobe {
     float asymmetry; /* g, -0.99..0.99; positive scatters forward */
     float weight;    /* > 0; weights are divided by their sum */
 } sps_lobe;
 
 /* A transfer function maps values to albedo and extinction: by points, linear between them and constant beyond, or by a
-   callback. Each call samples it into a table of 2048 entries over 0..value_max. Value 0 (everything outside the data)
-   is always empty. */
+   callback. Tabulated in 2048 entries over 0..value_max. Value 0 (everything outside the data) is always empty. */
 typedef struct sps_transfer_point {
     float value;      /* >= 0; strictly increasing from point to point */
     float albedo[3];  /* albedo (gas) or reflectance (surface), 0..1 */
@@ -285,18 +278,17 @@ typedef struct sps_volume {
 
     /* Writes the size[0]*size[1]*size[2] values, >= 0, of the block of voxels that begins at lo, x fastest. */
     int (*read_fn)(void *user, const int lo[3], const int size[3], float *out);
-    /* Optional: bounds the values in a block, to skip it without reading. Bounds may be too wide, never too narrow. If
-       data may be invalid, write 0..1e18: reading detects it. */
+    /* Optional: bounds the values in a block, to skip it without reading. May be too wide, never too narrow; write
+       0..1e18 if data may be invalid. */
     int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]);
     /* Instead of read_fn: writes the values at world positions (packed triples), the centres of voxels. */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
-    /* Non-zero: several workers may call read_fn, range_fn and eval_fn at once, in any order, each with its own block
-       and `out`; the callbacks lock whatever they change. 0: the calling thread calls them, block by block. Counts as
-       set if read_fn is sps_grid_read and range_fn is NULL or sps_grid_range. */
+    /* Non-zero: several workers may call read_fn, range_fn and eval_fn at once, in any order. They must lock whatever
+       they change. 0: only the calling thread calls them. Counts as set if read_fn is sps_grid_read and range_fn is
+       NULL or sps_grid_range. */
     int concurrent;
-    /* Non-zero: keeps the voxels for the next call, if every volume has a revision and none has changed. Otherwise all
-       volumes are read anew. */
+    /* Non-zero: keeps the voxels for the next call, if every volume has a revision and none has changed. */
     uint64_t revision;
 
     float extinction;      /* gas: per world unit at value 1, >= 0 */
@@ -308,7 +300,7 @@ typedef struct sps_volume {
 
     const sps_transfer *transfer; /* NULL: gas; otherwise replaces extinction, albedo and emission */
     sps_shading shading;          /* with a transfer function */
-    float gradient_full;          /* change of value per voxel above which shading is all surface; 0 means 0.05 */
+    float gradient_full;          /* change of value per voxel above which all is surface; 0 means 0.05 */
     float specular;               /* strength of the highlight, 0..1 */
     float shininess;              /* Blinn-Phong exponent, 0 means 32 */
     uint32_t end_canary;          /* leave 0 */
@@ -322,10 +314,10 @@ typedef enum sps_voxel_format {
     SPS_VOXEL_F32     /* float */
 } sps_voxel_format;
 
-/* A dense array of voxels in the caller's memory, for volumes that need no callback of their own:
+/* A dense array of voxels in the caller's memory, for volumes without callbacks of their own:
        volume.read_fn = sps_grid_read, volume.range_fn = sps_grid_range, volume.user = &grid;
-   The caller owns the struct and its voxels, and must not change them until the call that reads them has returned
-   (sps_tmap_add: until sps_tmap_finish has). Any number of volumes, contexts and threads may read one grid at once. */
+   The caller owns the struct and its voxels, and must not change them before the call that reads them returns
+   (sps_tmap_add: before sps_tmap_finish does). Volumes, contexts and threads may share a grid. */
 typedef struct sps_grid {
     uint32_t start_canary; /* leave 0 */
     const void *voxels;    /* voxel (0,0,0); need not be aligned */
@@ -349,11 +341,11 @@ typedef struct sps_triangle {
 typedef struct sps_surface_point {
     double position[3]; /* world */
     double uv[2];       /* the corners' uv, interpolated in perspective */
-    /* Change of uv to the next pixel on the right, and to the next one below, in the plane of the triangle: the
-       footprint for texture filtering. Large but finite at grazing angles. */
+    /* Change of uv to the next pixel on the right and below, in the triangle's plane, to filter textures; finite even
+       edge-on. */
     float uv_dx[2], uv_dy[2];
     float normal[3];  /* shading normal: world, unit length, on the eye's side */
-    float weights[3]; /* barycentric, to interpolate the caller's own data; their sum is 1 */
+    float weights[3]; /* barycentric, to interpolate the caller's own data */
     size_t triangle;  /* number in the mesh */
     int mesh;         /* number in the scene's array */
     int x, y;         /* pixel of the whole image */
@@ -365,9 +357,8 @@ typedef struct sps_surface {
     float emission[3]; /* the point's own radiance, 0..1e18; visible to the eye, lights nothing else */
 } sps_surface;
 
-/* Triangles, lit from the eye's side, whichever that is. Exact shadow rays find their shadows on each other;
-   sps_view.shadow_resolution sets the sharpness of their shadows in gas. Degenerate triangles are skipped; non-finite
-   ones are an error. */
+/* Triangles, lit from the eye's side. Exact rays find their shadows on each other; sps_view.shadow_resolution is for
+   their shadows in gas. Degenerate triangles are skipped; non-finite ones are an error. */
 typedef struct sps_mesh {
     uint32_t start_canary; /* leave 0 */
     size_t triangle_count; /* 0: no mesh; at most 2^29, over all meshes of a scene */
@@ -380,35 +371,35 @@ typedef struct sps_mesh {
     int has_normals, has_albedos;
     /* Optional, for textures: sets the appearance of `count` points of this mesh, at most 4096. Each pixel of the
        region passes a point per visible triangle, in rows from the top. `out` holds the albedo of mesh or corners, and
-       no emission. A point must not depend on the others of its call, whose number depends on the region. Values out of
-       range are SPS_ERROR_DATA. Transmittance maps do not call it. */
+       no emission. A point must not depend on others of its call. Values out of range are SPS_ERROR_DATA. Transmittance
+       maps do not call it. */
     int (*shade_fn)(void *user, size_t count, const sps_surface_point *points, sps_surface *out);
     void *shade_user;
     /* Fraction of red, green and blue that passes straight through, at any angle, 0..1; all 0: opaque. The rest is
-       reflected by `albedo` or absorbed; their sum should be at most 1. Composited in depth order with gas; casts
-       colored shadows. Transmittance maps use the mean of the three. */
+       reflected by `albedo` or absorbed; their sum should be at most 1. Casts colored shadows. Transmittance maps use
+       the mean of the three. */
     float transmittance[3];
     /* Non-zero: keeps the triangles and their shadow tree for the next call, if every mesh has a revision and none has
-       changed. Otherwise all meshes are read anew. */
+       changed. */
     uint64_t revision;
     uint32_t end_canary; /* leave 0 */
 } sps_mesh;
 
-/* Triangles over vertices in the caller's memory, for meshes that need no callback of their own:
+/* Triangles over vertices in the caller's memory, for meshes without callbacks of their own:
        mesh.read_fn = sps_indexed_mesh_read, mesh.user = &indexed, mesh.triangle_count = indexed.triangle_count;
    The caller owns the struct and its arrays, under the rules of sps_grid. The arrays need not be aligned. */
 typedef struct sps_indexed_mesh {
     uint32_t start_canary;  /* leave 0 */
     size_t vertex_count;    /* above 0 */
     const float *positions; /* x, y, z of each vertex, local to the mesh's placement */
-    const float *normals;   /* three floats per vertex, or NULL: then mesh.has_normals must be 0 */
-    const float *albedos;   /* three floats per vertex, or NULL: then mesh.has_albedos must be 0 */
-    const float *uvs;       /* two floats per vertex, or NULL: all 0 */
+    const float *normals;   /* three floats per vertex; NULL: mesh.has_normals must be 0 */
+    const float *albedos;   /* three floats per vertex; NULL: mesh.has_albedos must be 0 */
+    const float *uvs;       /* two floats per vertex; NULL: all 0 */
     size_t position_stride, normal_stride, albedo_stride; /* bytes from one vertex to the next; 0: 12, packed */
     size_t uv_stride;                                    /* 0: 8, packed */
     size_t triangle_count;
-    /* Three indices per triangle, in one array or the other. Both NULL: vertices 0, 1, 2 are the first triangle,
-       3, 4, 5 the second, and so on. */
+    /* Three indices per triangle, in one of these. Both NULL: vertices 0, 1, 2 are the first triangle, 3, 4, 5 the
+       second .. */
     const uint16_t *indices_u16;
     const uint32_t *indices_u32;
     uint32_t end_canary; /* leave 0 */
@@ -422,8 +413,7 @@ typedef struct sps_particle {
 } sps_particle;
 
 /* A set of particles of the same material. Radii below 3/4 of a pixel or texel are raised to that, at equal mass. From
-   4 pixels (1.5 texels) on, optical depth along rays is exact, at any slab_thickness. Slabs and texels of the light's
-   sheets resolve light within a sphere. Polygons cut particles. */
+   4 pixels (1.5 texels) on, optical depth along rays is exact, at any slab_thickness. Polygons cut particles. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
@@ -442,18 +432,17 @@ typedef struct sps_particles {
 } sps_particles;
 
 /* How a transmittance map stores optical depth along each texel's ray. u runs from 0 at near_depth to 1 at far_depth; n
-   stands for `components`. The order of occluders matters only by round-off. Deep and compressed maps take 3 to 33
-   times as long to make as SPS_TMAP_DEFAULT. docs/shadow_maps.md helps to choose. */
+   stands for `components`. Deep and compressed maps take 3 to 33 times as long to make as SPS_TMAP_DEFAULT.
+   docs/shadow_maps.md helps to choose. */
 typedef enum sps_tmap_technique {
-    /* SPS_TMAP_DEEP_OPACITY with `cubic`: small errors on most gases for few floats. As a light's shadow_map:
-       SPS_TMAP_TABLE, less than half the error in less time, but more memory. */
+    /* SPS_TMAP_DEEP_OPACITY with `cubic`. As a light's shadow_map: SPS_TMAP_TABLE. */
     SPS_TMAP_DEFAULT = 0,
     /* Every interval of every occluder: exact along the texels' rays, a reference. 16 bytes per interval and 4 per
        texel. No components. */
     SPS_TMAP_DEEP,
-    /* Deep shadow map [Lokovic & Veach 2000]: a polyline of transmittance with an error of at most `epsilon` along each
-       texel's ray. If n is 4, 6 .. 64: at most n / 2 nodes, no error bound [after Salvi et al. 2010]. 8 bytes per node
-       and 4 per texel. Default: no components. */
+    /* Deep shadow map [Lokovic & Veach 2000]: a polyline of transmittance, within `epsilon` along each texel's ray. If
+       n is 4, 6 .. 64: at most n / 2 nodes, no error bound [after Salvi et al. 2010]. 8 bytes per node and 4 per texel.
+       Default: no components. */
     SPS_TMAP_COMPRESSED,
     /* Optical depth at n planes, u = 1/n .. 1 or as set by `planes` [Kim & Neumann 2001]: exact there, bracketed
        between. n 1..65, default 8. */
@@ -466,16 +455,16 @@ typedef enum sps_tmap_technique {
        more with texel_range. */
     SPS_TMAP_FOURIER,
     /* 4 or 6 moments of extinction along the ray [Muenstermann et al. 2018]: the total, and the means of z .. z^(n-1)
-       with z = 2u - 1. Queries return the middle of the implied bounds, and take ten times as long as others. Soft,
-       never rings, exact at u = 1. n 5 or 7, default 5. */
+       with z = 2u - 1. Queries return the middle of the implied bounds, and are slow. Soft, never rings, exact at u =
+       1. n 5 or 7, default 5. */
     SPS_TMAP_MOMENT,
     /* Beer shadow map: u where gas begins, u where it ends, and the total. Exact for one uniform interval, and behind
        everything; fills gaps between clumps. 3 components. */
     SPS_TMAP_BEER,
     /* Only for sps_light.shadow_map: a shadow table, after [Ebert & Parent 1990]. Optical depth at n even planes,
-       interpolated linearly, in steps of 16 / 65535; beyond 16 all is dark (FORWARD: 64). n 8..1024. By default entries
-       are as wide as a texel of the light's sheets and as long as wide, up to 256 along each side. At most 2^28 entries
-       of 4 bytes. Cached and updated from call to call. */
+       interpolated linearly, in steps of 16 / 65535; beyond 16 all is dark (FORWARD: 64). n 8..1024. Default: as wide
+       as a texel of the light's sheets and as long, at most 256 along each side. At most 2^28 entries of 4 bytes.
+       Cached and updated from call to call. */
     SPS_TMAP_TABLE,
     /* Shadow map [Williams 1978]: only the depth of the first opaque surface (sps_tmap_surfaces), without gas and
        translucent polygons. An error in sps_light.shadow_map. No components. */
@@ -490,16 +479,16 @@ typedef struct sps_tmap_settings {
     int components;     /* floats per texel; 0: the technique's default, or fewer to stay within byte_budget */
     size_t byte_budget; /* maximum size of the finished map, including surfaces; 0: no limit */
     /* Depths along the light's axis or direction (six faces: the nearest coordinate axis), 0 <= near < far. They should
-       contain all gas: gas outside counts at the near or far end, which Fourier maps confuse. Opaque surfaces cast
-       shadows from anywhere, but points before near_depth are lit. */
+       contain all gas: gas outside counts at the near or far end. Opaque surfaces cast shadows from anywhere, but
+       points before near_depth are lit. */
     double near_depth, far_depth;
     /* Opacity: u of each plane, increasing from above 0 to 1; copied. Needs `components`: the number of planes (deep
-       opacity: two more). NULL: even steps. Members from here to epsilon are ignored by other techniques. */
+       opacity: two more). NULL: even steps. Other techniques ignore members from here to epsilon. */
     const float *planes;
     int cubic;              /* opacity: 1: monotone cubics between planes instead of straight lines */
     int texel_range;        /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
     /* Compressed: maximum error of transmittance, up to 0.5; 0 means 0.01; kept to 1e-6 (soft particles: 0.001). With
-       components: error before nodes are removed; 0 means 1 / 1024. */
+       components: before nodes are removed; 0 means 1 / 1024. */
     float epsilon;
     double surface_bias; /* world units behind an opaque surface at which its shadow begins; 0 means 2 texels' width */
     uint32_t end_canary; /* leave 0 */
@@ -519,18 +508,18 @@ typedef enum sps_falloff {
 } sps_falloff;
 
 /* Shadows in gas of a light without a shadow_map. Sheets follow the light slab by slab, in a sweep of their own; a
-   table is made first and looked up in any slab. */
+   table is made before the sweep. */
 typedef enum sps_shadow_source {
-    /* Sheets where slabs serve both light and camera, else a table. Further lights, and all lights under
-       SPS_SCATTERING_MULTIPLE, take tables if that costs no detail and fits into memory_limit. The choice depends on
-       volumes' boxes, not voxels; with particles it is made once they are read. */
+    /* Sheets where slabs serve both light and camera, else a table. Further lights, and all under
+       SPS_SCATTERING_MULTIPLE, take tables if that costs no detail and fits into memory_limit. Depends on volumes'
+       boxes and particles' positions. */
     SPS_SHADOW_AUTO = 0,
     SPS_SHADOW_SHEETS, /* SPS_ERROR_UNSUPPORTED where no slabs serve light and camera */
     SPS_SHADOW_TABLE   /* a table with default settings, of shadow_map_resolution */
 } sps_shadow_source;
 
 /* Projected texture (cookie): multiplies the light's color, and fades to nothing within a texel of its edges. Lookups
-   are bilinear, in mip levels where pixels are larger than texels. Each point of an area light projects it. */
+   are bilinear, mip-mapped where pixels are larger. */
 typedef struct sps_projector {
     uint32_t start_canary; /* leave 0 */
     int width, height;     /* texels, 1..4096 each */
@@ -538,8 +527,8 @@ typedef struct sps_projector {
        uv: pairs from (0, 0), top left along the light's direction, to (1, 1). out_rgb: packed triples, 0..1e18. */
     int (*sample_fn)(void *user, size_t count, const float *uv, float *out_rgb);
     void *user;
-    /* Edges, left < right and bottom < top, to the right of and above sps_light.direction, as tangents of angles from
-       it (-1, 1, -1, 1: a square of 90 degrees). Directional light: in world units from sps_light.position. */
+    /* Edges, left < right and bottom < top, as tangents of angles from sps_light.direction (-1, 1, -1, 1: a square of
+       90 degrees). Directional light: in world units from sps_light.position. */
     double left, right, bottom, top;
     double up[3]; /* towards the image's top row; zero or along the direction: an axis across it is chosen */
     /* Disc, rectangle: distance along the direction, beyond the light itself, at which the image is sharp; 0: infinity.
@@ -549,10 +538,10 @@ typedef struct sps_projector {
     uint32_t end_canary; /* leave 0 */
 } sps_projector;
 
-/* A light. An area light shines as points spread over it, with penumbrae, but gas scatters its light as if from the
-   centre; size 0 gives the bits of a point. Sheets shadow gas in slabs perpendicular to the half-way vector of eye and
-   light, which all their rays through gas must cross at a cosine of 0.1 or more. Otherwise (a point light in or near a
-   volume, a very wide camera) see shadow_source. Polygons have no such limit. */
+/* A light. Area lights cast penumbrae, but gas scatters their light as if from the centre; size 0 gives the bits of a
+   point. Sheets shadow gas in slabs perpendicular to the half vector of eye and light. All their rays through gas must
+   cross these at a cosine of 0.1 or more. Otherwise (a point light in or near a volume, a very wide camera) see
+   shadow_source. Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
     sps_light_kind kind;
@@ -560,33 +549,32 @@ typedef struct sps_light {
     double direction[3];
     double position[3]; /* the point or centre; directional: of a projector's image, otherwise unused */
     float color[3];     /* >= 0; directional: irradiance, otherwise intensity; all zero: no light */
-    /* Directional: angle that the light subtends, in radians, 0..2 (the sun: 0.0093): a disc of even radiance,
-       infinitely far away. */
+    /* Directional: angle that a disc of even radiance subtends, in radians, 0..2 (the sun: 0.0093). */
     double angular_diameter;
-    /* Disc, rectangle: two vectors from the centre to the rim, in world units; unequal or oblique ones make an ellipse,
-       a rectangle or a parallelogram. Emits evenly in all directions, unless there is a cone. */
+    /* Disc, rectangle: two vectors from the centre to the rim, in world units, of any length and angle. Emits evenly in
+       all directions, unless there is a cone. */
     double axes[2][3];
     /* All but directional: makes a spotlight. Angles from `direction`, in radians, 0 <= inner < outer <= pi; outer 0:
-       no cone. Intensity is `color` within the inner angle and 0 beyond the outer; between, it is s^2 color, s rising
+       no cone. Intensity is `color` within the inner angle and 0 beyond the outer. Between, it is s^2 color; s rises
        from 0 to 1 with the cosine [KHR_lights_punctual]. Each point of an area light has this cone. */
     double inner_cone, outer_cone;
     sps_falloff falloff; /* all but directional; with SPS_FALLOFF_NONE, `color` is irradiance */
-    /* NULL: none. Otherwise a texture projected along `direction`, with or without a cone. Borrowed for the call. */
+    /* NULL: none. Otherwise a texture projected along `direction`. Borrowed for the call. */
     const sps_projector *projector;
-    /* Points that stand for an area light, up to 256; 0: 8, 16, 32 or 64 by quality. Cost is proportional, error nearly
-       inversely. sps_reference draws this many points for each sample, 64 if this is 0. */
+    /* Points that stand for an area light, up to 256; 0: 8, 16, 32 or 64 by quality (sps_reference: 64). Cost is
+       proportional, error nearly inversely. */
     int samples;
-    int no_shadow; /* 1: shines through everything, and scatters once in gas */
+    int no_shadow; /* 1: casts no shadow, and has only single scattering in gas */
     /* NULL: see shadow_source. Otherwise shadows in gas come from a map with these settings (all zero: a table). It has
-       no slicing limit; a point light amid gas gets six faces. near_depth, far_depth and surface_bias must be 0: depths
-       are fitted. An error for area lights. If all volumes have a revision, the next call reuses a table, or updates it
-       where gas has changed; a failing call may release it. Few components blotch near the terminator of surfaces and
-       dense volumes. Borrowed for the call. */
+       no slicing limit, and six faces around a point light amid gas. near_depth, far_depth and surface_bias must be 0.
+       An error for area lights. If all volumes have a revision, the next call reuses a table, or updates it where gas
+       has changed; a failing call may release it. Few components blotch dense or surface-shaded volumes. Borrowed for
+       the call. */
     const sps_tmap_settings *shadow_map;
     /* Shadows in gas where shadow_map is NULL. With a shadow_map, SPS_SHADOW_SHEETS is an error, and SPS_SHADOW_TABLE
        requires a table. */
     sps_shadow_source shadow_source;
-    /* Texels on the longer side of the map or of a face, up to 16384; 0: shadow_resolution, or from quality. */
+    /* Texels on a map's or face's longer side, up to 16384; 0: shadow_resolution, or from quality. */
     int shadow_map_resolution;
     /* Point light: 1: six faces wherever the light is; 0: only if it is amid the gas. */
     int shadow_map_omnidirectional;
@@ -607,7 +595,7 @@ typedef struct sps_scene {
     /* Instead of `background`: radiance along unit directions (packed triples), one row of pixels per call. */
     int (*background_fn)(void *user, size_t count, const float *directions, float *out_rgb);
     void *background_user;
-    /* 1: invalid values of volumes, particles and projectors (SPS_ERROR_DATA) become 0 and are counted. */
+    /* 1: invalid values of volumes, particles and projectors become 0 and are counted. */
     int replace_invalid;
     const sps_particles *particles;
     int particle_set_count; /* sets of particles, up to 64 that are not empty */
@@ -616,10 +604,8 @@ typedef struct sps_scene {
 
 /* Settings of a quality:    slab (voxels) of a   shadow texels per   rays end at     kernels end   ripple of a constant
                              gas, classified      voxel; classified   transmittance   at (voxels)   (rms, maximum)
-   At medium, the kernels of classified volumes end at 1.82 voxels in shadow buffers. Where pixels are wider than
-   voxels, slabs are at least 1, 0.5, 0.25 and 0.125 pixels thick, and texels of lights' sheets at least 0.9, 0.6, 0.3
-   and 0.3 pixels wide, measured at the nearest gas. With classified volumes these minima are 0.3 and 0.5 pixels at
-   draft and medium; high and ultra have none. */
+   Where pixels are wider than voxels, slabs and the texels of lights' sheets follow the pixels (docs/manual.md,
+   section 4). */
 typedef enum sps_quality {
     SPS_QUALITY_DEFAULT = 0, /* medium */
     SPS_QUALITY_DRAFT,       /*  2     1.4         0.75  1            0.01            1.82          0.5 %   1.5 %  */
@@ -633,15 +619,14 @@ typedef struct sps_camera {
     double position[3], target[3], up[3]; /* up zero or along the view: an axis across the view is chosen */
     double field_of_view;                 /* perspective: the vertical angle, above 0, up to 3.1 */
     double ortho_height;                  /* orthographic: world height of the image, above 0 */
-    /* Instead of all above: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. Perspective: depth
-       may have any direction and range; row 2 may be 0 0 0 2; a matrix that seems transposed is an error. Orthographic:
-       depth must increase away from the eye; distances count from the plane of clip depth -1, or from the world's
-       origin if that is not within 1e12 pixels. Borrowed for the call. */
+    /* Instead of all above: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. Perspective: row 2
+       is free and may be 0 0 0 2; a matrix that seems transposed is an error. Orthographic: depth must increase away
+       from the eye; distances count from the plane of clip depth -1 (docs/manual.md, section 11). Borrowed for the
+       call. */
     const double *world_to_clip;
 } sps_camera;
 
-/* Scattering of light in gas on its way to the eye. Single scattering always keeps its exact phase function and angle.
- */
+/* Scattering of light in gas on its way to the eye. All modes treat single scattering exactly. */
 typedef enum sps_scattering {
     /* MULTIPLE if the gas calls for it, else SINGLE, by sps_view.scattering_tolerance. Costs a test of each voxel. */
     SPS_SCATTERING_AUTO = 0,
@@ -649,38 +634,35 @@ typedef enum sps_scattering {
     /* Single scattering, plus an `ambient` per volume and set of particles that stands for multiple scattering, at no
        cost. [Ebert & Parent] */
     SPS_SCATTERING_AMBIENT,
-    /* Multiple scattering by small angles along straight paths from light to eye: a closed form in optical depth and
-       angle, with the gas's phase function and albedo. Right for forward scattering; light that turns back is mostly
-       missing. Ends at an optical depth of 64. Lights without shadows scatter once; polygons receive none of it. Cost:
-       few percent. */
+    /* Multiple scattering by small angles: a closed form in the optical depth and angle of the straight path from light
+       to eye. Right for forward scattering; light that turns back is mostly missing. Ends at an optical depth of 64.
+       Only single scattering for lights without shadows, and none of it for polygons. Cost: a few percent of the
+       time. */
     SPS_SCATTERING_FORWARD,
-    /* As FORWARD, but light spreads sideways from sheet to sheet of its light: beams have halos, and polygons receive
-       this light and stop it. Gaussian kernels; the phase function sets their variance. Area lights spread from their
-       centre; lights without shadows scatter once. Cached like MULTIPLE. Cost: sheets once more per light. [Zhang &
-       Crawfis; Eyges 1948] */
+    /* FORWARD, and light spreads sideways from sheet to sheet of its light, by Gaussian kernels whose variance the
+       phase function sets. Beams have halos; polygons receive this light and stop it. Area lights spread from their
+       centre. Cached like MULTIPLE. Cost: sheets once more per light. [Zhang & Crawfis; Eyges 1948] */
     SPS_SCATTERING_CONVOLUTION,
     /* Multiple scattering in every direction, on one to four grids of cubic cells around all gas. Adds light that turns
-       back or goes from gas to gas, and scattered emission and ambient light; straight paths are as in FORWARD. Opaque
-       polygons stop and reflect light between cells by the mesh's albedo; translucent ones let it pass. Area lights
-       light cells from their centre; lights without shadows scatter once in gas. The next call reuses the cells for any
-       camera if nothing else has changed, every volume and mesh has a revision, and no light has a projector. [Discrete
-       ordinates: Lebedev 1976, Wiscombe 1977] */
+       back or goes from gas to gas, emission and ambient light; straight paths as in FORWARD. Opaque polygons stop and
+       reflect light between cells by the mesh's albedo; translucent ones let it pass. Area lights light cells from
+       their centre; lights without shadows reach cells only from polygons. Cells are reused for any camera if nothing
+       else has changed, every volume and mesh has a revision, and no light has a projector. [Discrete ordinates:
+       Lebedev 1976, Wiscombe 1977] */
     SPS_SCATTERING_MULTIPLE
 } sps_scattering;
 
-/* How voxels fill the sheets of the eye, of lights and of maps' faces, and how classified voxels fill cells and the
-   sheets of CONVOLUTION. The field is the same either way. Particles are always splatted. */
+/* How voxels fill the sheets of eye, lights and maps, and classified voxels also cells and the sheets of CONVOLUTION.
+   Particles are always splatted. */
 typedef enum sps_filling {
-    /* The cheaper one for each volume and pass, for any number of workers. It may change from frame to frame, and the
-       picture with it, mostly by 0.1 % for a gas and 1 % if classified. Ignores memory_limit: if bricks do not fit, ask
-       for SPLAT. */
+    /* The cheaper one for each volume and pass. It may change from frame to frame, and the picture with it, mostly by
+       0.1 % for gas and 1 % if classified. Ignores memory_limit. */
     SPS_FILLING_AUTO = 0,
-    /* Voxel by voxel: cost is proportional to the number of relevant voxels. Surface shading needs GATHER's memory, for
-       normals. */
+    /* Voxel by voxel: cost is proportional to relevant voxels. Surface shading needs GATHER's memory, for normals. */
     SPS_FILLING_SPLAT,
     /* Pixel by pixel: cost is proportional to pixels times slabs; 5900 bytes per brick of 8^3 voxels (10900 at high and
-       ultra). Mostly faster unless voxels are scattered. Small voxels take several rays per pixel or coarser levels;
-       volumes that this cannot serve are splatted (docs/manual.md, section 4). */
+       ultra). Mostly faster unless voxels are scattered. Some volumes are splatted nevertheless: docs/manual.md,
+       section 4. */
     SPS_FILLING_GATHER
 } sps_filling;
 
@@ -692,42 +674,40 @@ typedef struct sps_view {
     double near_distance;
     int region[4]; /* x, y, width, height of the part to render; all 0: the whole image */
     sps_quality quality;
-    /* Slab thickness in voxels, the main trade of speed for error, which is proportional to its square. 0: from
+    /* Slab thickness in voxels, the main trade of speed for error: error is proportional to its square. 0: from
        quality, and more where pixels are wide (sps_quality). Particles count as voxels of 0.7 times their geometric
-       mean radius, at least about 1/500 of their cloud, if no voxels are smaller. Dense particles and long voxels make
-       slabs up to 8 times thinner. */
+       mean radius, unless voxels are smaller. Dense particles and long voxels make slabs up to 8 times thinner. */
     double slab_thickness;
-    /* Texels on the longer side of a light's sheets, and of the depth map of polygons' shadows in gas, up to 16384. 0:
+    /* Texels on the longer side of a light's sheets, and of the depth map for polygons' shadows in gas, up to 16384. 0:
        from quality, and fewer where pixels are wide (sps_quality). That depth map has at least 512, 1024, 2048 or 4096
-       by quality, except in small images; sheets of particles alone have at most that many. Shadows on polygons have no
+       by quality, except in small images. Sheets of particles alone have no more. Shadows on polygons have no
        texels. */
     int shadow_resolution;
     int no_shadows; /* 1: as no_shadow on every light */
     /* Edge samples of polygons along each side of a pixel, up to 8; 0 or 1: its centre. N x N samples weight the
-       polygons of a pixel; gas is sampled once. A straight edge's coverage is exact to 1 / 2N, 0.5 / N^1.5 rms. Cost:
-       the whole image is rasterised twice at N x N times the pixels; each polygon of a pixel is shaded. */
+       polygons of a pixel; gas is sampled once. A straight edge's coverage is exact to 1 / 2N. Cost: the whole image is
+       rasterised twice at N x N times the pixels; each polygon of a pixel is shaded. */
     int coverage_samples;
-    /* Error of optical depth, along any ray of the eye or of a light's sheets, allowed for saving samples of smooth
-       gas, 0..1; 0: none. Conservative: the error is mostly far smaller; eye_bound and light_bound report the bound.
-       Applies to gathered gas without transfer function or emission, with voxels of at least 0.14 pixels. */
+    /* Error of optical depth along any ray that saving samples of smooth gas may cause, 0..1; 0: none. eye_bound and
+       light_bound report the bound reached. Applies to gathered gas without transfer function or emission, with voxels
+       of at least 0.14 pixels. */
     float tolerance;
-    sps_scattering scattering; /* 0: SPS_SCATTERING_AUTO, as the gas calls for */
-    /* SPS_SCATTERING_MULTIPLE: cells along the longest side of the gas, up to 256; 0: 24, 48, 64 or 96 by quality. In
-       dense gas, error is proportional to a cell's optical depth. CONVOLUTION: half the texels across a light's
+    sps_scattering scattering; /* 0: SPS_SCATTERING_AUTO */
+    /* SPS_SCATTERING_MULTIPLE: cells along the longest side of the gas, up to 256; 0: 24, 48, 64 or 96 by quality.
+       Dense gas: error is proportional to a cell's optical depth. CONVOLUTION: half the texels across a light's
        sheets. */
     int scattering_resolution;
     /* SPS_SCATTERING_AUTO: single scattering if further scattering carries at most this fraction of its energy, 0..1;
-       0: 0.01. Its bound follows from the largest albedo and a bound of optical depth. Scattering or emitting gas with
-       polygons is always MULTIPLE. */
+       0: 0.01. Scattering or emitting gas with polygons is always MULTIPLE. */
     float scattering_tolerance;
     sps_filling filling; /* 0: SPS_FILLING_AUTO */
-    /* Time or error of a picture (set one, or none: 0) instead of quality, slab_thickness, tolerance and
-       scattering_resolution, which must be 0, and of `samples` of lights where that is 0. Seconds of clock_fn for the
-       whole call: chooses the least expected error that fits, or the fastest setting, with a message, if none does. */
+    /* Seconds of clock_fn for the whole call, or 0. Chooses quality, slab_thickness, tolerance and
+       scattering_resolution, which must be 0, and `samples` of lights where 0. Takes the least expected error that
+       fits, else the fastest setting, with a message. */
     double budget_seconds;
-    /* Largest root mean square error of radiance, relative to the picture's mean: chooses the cheapest setting expected
-       to keep it; UNSUPPORTED if there is none. An estimate without guarantee; docs/budget.md lists what it leaves
-       out. */
+    /* Instead of budget_seconds: largest root mean square error of radiance, relative to its mean, or 0. Takes the
+       cheapest setting expected to keep it; UNSUPPORTED if there is none. An estimate, not a guarantee:
+       docs/budget.md. */
     double budget_error;
     uint32_t end_canary; /* leave 0 */
 } sps_view;
@@ -737,8 +717,8 @@ typedef struct sps_image {
     /* Four floats per pixel: radiance with the background, at most FLT_MAX, then coverage (1 - transmittance) without
        it. On a black background that is premultiplied alpha. */
     float *rgba;
-    /* Optional, one float per pixel: mean distance from the eye along the ray, in world units, weighted by coverage;
-       infinity where it is 0. Orthographic: from the plane through camera.position, or see world_to_clip. */
+    /* Optional, one float per pixel: mean distance from the eye along the ray, weighted by coverage; infinity where it
+       is 0. Orthographic: from the plane through camera.position, or see world_to_clip. */
     float *depth;
     size_t row_pixels; /* pixels from one row to the next, in both; 0 means the region's width */
 } sps_image;
@@ -749,30 +729,27 @@ typedef struct sps_reference_settings {
     /* Step along a ray, > 0, in voxels (particles: 0.7 times their geometric mean radius, if that is less). The error
        is second order in it. */
     double step;
-    /* Random paths per pixel, up to 2^20. 0: scattering as in sps_view, and ambient light unshadowed. Then AUTO and
-       MULTIPLE are SPS_ERROR_UNSUPPORTED if gas scatters, or emits or shades light on polygons; so is CONVOLUTION if
-       gas scatters and a light casts shadows. Above 0: multiple scattering in gas and between gas and polygons, and
-       ambient light shadowed by both, whatever the view says. Unbiased; noise falls with the square root. Paths use the
-       mesh's albedo, not shade_fn. */
+    /* Random paths per pixel, up to 2^20. 0: as in sps_view, with ambient light unshadowed. Then AUTO and MULTIPLE are
+       UNSUPPORTED if gas scatters, or emits or shades light on polygons. So is CONVOLUTION if gas scatters and a light
+       casts shadows. Above 0: multiple scattering in gas and between gas and polygons, whatever the view says; both
+       shadow ambient light. Unbiased; noise falls as the square root. Paths use the mesh's albedo, not shade_fn. */
     int samples;
     uint64_t seed; /* seed of the paths; the same seed gives the same image for any number of workers */
-    /* Optional, with 2 samples or more: standard error of radiance, three floats per pixel, laid out as the image.
-       Estimated from the variance of the paths. Written on SPS_OK only. */
+    /* Optional, with 2 samples or more: estimated standard error of radiance, three floats per pixel, laid out as the
+       image. Written on SPS_OK only. */
     float *error;
-    /* Optional, both or neither, two buffers of three floats per pixel, laid out as the image: bounds of singly
-       scattered radiance, for any step; the image is their middle. Needs `samples` 0. SPS_ERROR_UNSUPPORTED for
-       multiple scattering, transfer functions, area lights, projectors, and particles in scattered light. See
-       docs/manual.md, section 11. Written on SPS_OK only. */
+    /* Optional, both or neither, two buffers of three floats per pixel, laid out as the image. They bound singly
+       scattered radiance, for any step; the image is their middle. UNSUPPORTED with `samples`, multiple scattering,
+       transfer functions, area lights, projectors, or particles in scattered light. See docs/manual.md, section 11.
+       Written on SPS_OK only. */
     float *lower, *upper;
     uint32_t end_canary; /* leave 0 */
 } sps_reference_settings;
 
-/* The setting that a budget chose, with its expected time and error; all 0 without a budget. Expectations follow from
-   the context's earlier frames with a budget (at first: of two AMD EPYC cores with AVX-512) and from a list of scenes.
-   See docs/budget.md. */
+/* The setting that a budget chose, with estimates (docs/budget.md); all 0 without a budget. */
 typedef struct sps_budget_report {
     int is_met;          /* 1: a budget is set, and expected to be met */
-    double seconds;      /* of the whole call; in sps_render, with the measured time until everything was read */
+    double seconds;      /* the whole call; in sps_render, with the measured time of reading */
     double error;        /* expected upper limit, as in sps_view.budget_error */
     sps_quality quality; /* chosen, as in sps_view; slab_thickness 0: from quality */
     double slab_thickness;
@@ -781,22 +758,19 @@ typedef struct sps_budget_report {
 } sps_budget_report;
 
 typedef enum sps_pass {
-    SPS_PASS_GATHER = 0,     /* reads relevant voxels into bricks, and particles */
+    SPS_PASS_GATHER = 0,     /* reads relevant voxels and particles */
     SPS_PASS_PROJECTORS,     /* reads projected textures */
     SPS_PASS_EYE_POLYGONS,   /* rasterises triangles for the eye */
-    SPS_PASS_LAYERS,         /* lists translucent polygons, and polygons at edges, pixel by pixel */
-    SPS_PASS_TEXTURES,       /* calls shade_fn for the visible points of polygons */
-    SPS_PASS_LIGHT_POLYGONS, /* rasterises triangles into depth maps, for gas that scatters, per shadowing light without
-                                penumbrae; includes maps that turn out empty */
+    SPS_PASS_LAYERS,         /* lists translucent polygons, and polygons at edges */
+    SPS_PASS_TEXTURES,       /* calls shade_fn */
+    SPS_PASS_LIGHT_POLYGONS, /* rasterises depth maps for gas, per shadowing light without penumbrae; counts empties */
     SPS_PASS_TRIANGLE_TREE,  /* builds a tree of triangles for shadow rays */
     SPS_PASS_SHADOW_RAYS,    /* traces rays from polygons to each shadowing light */
-    SPS_PASS_EYE_SHEETS,     /* fills the eye's sheets with volumes and particles, once per sweep; twice with forward
-                                scattering from a light behind that shades by sheets */
+    SPS_PASS_EYE_SHEETS,     /* fills the eye's sheets, per sweep; twice with forward scattering from behind */
     SPS_PASS_LIGHT_SHEETS,   /* fills the sheets of each shadowing light without a map */
-    SPS_PASS_LIGHT_MAPS,     /* makes a transmittance map for each shadowing light with a shadow_map or a table; counts
-                                cached tables */
+    SPS_PASS_LIGHT_MAPS,     /* makes the maps and tables of shadowing lights; counts cached tables */
     SPS_PASS_PENUMBRAE,      /* follows the points of area lights through the sheets */
-    SPS_PASS_GRADIENT,       /* gradients of surface-shaded volumes, from their voxels */
+    SPS_PASS_GRADIENT,       /* gradients of surface-shaded volumes */
     SPS_PASS_SCATTERING,     /* light leaving the sheets */
     SPS_PASS_FORWARD,        /* tabulates forward multiple scattering, for each gas */
     SPS_PASS_SPREADING,      /* convolves light from sheet to sheet, per light */
@@ -810,72 +784,65 @@ typedef enum sps_pass {
 typedef struct sps_pass_report {
     int runs;           /* number of times that the pass runs; 0: skipped */
     const char *reason; /* why it runs or is skipped; a static string */
-    size_t bytes;       /* upper bound for this pass, without layers of pixels and the lists of maps */
+    size_t bytes;       /* upper bound, without layers of pixels and the lists of maps */
 } sps_pass_report;
 
 typedef struct sps_plan_report {
     sps_pass_report pass[SPS_PASS_COUNT];
-    /* Passes over the slabs: one per light that shades by sheets; without such lights, one per part of the image with
-       pixels in the region, at least one. With particles, an upper bound, as are the runs of passes that depend on it.
-     */
+    /* Passes over the slabs: one per light that shades by sheets; without such lights, one per part of the image. With
+       particles, an upper bound, as are the runs that depend on it. */
     int sweep_count;
     int color_channels;              /* 3, or 1 if every color that plays a part is grey */
     int sheet_channels;              /* values per pixel and slab of the eye's sheets */
     int slab_count;                  /* slabs of the longest sweep */
     int shadow_width, shadow_height; /* texels of the largest shadow buffer */
-    int light_points; /* maximum number of points that stand for a light: 1 without area lights; 0: no light */
-    /* Number of volumes gathered into the eye's sheets, any light's, and cells' or spreading light's samples; and why
-       the first volume is gathered or splatted there (static strings). Unread volumes count as full boxes, cells as one
-       grid. */
+    int light_points; /* maximum number of points of a light: 1 without area lights; 0: no light */
+    /* Volumes gathered into the eye's sheets, any light's, and cells or spreading light; and why the first volume is or
+       is not (static strings). Unread volumes count as full boxes, cells as one grid. */
     int eye_gathered, light_gathered, cells_gathered;
     const char *eye_filling, *light_filling, *cells_filling;
-    /* SPS_SCATTERING_AUTO: as in sps_stats_report if all gas is cached, or with polygons; otherwise -1, and cells are
-       planned. */
+    /* SPS_SCATTERING_AUTO: as in sps_stats_report if all gas is cached, or with polygons; otherwise -1. */
     double scatter_bound;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls; /* exact */
     uint64_t voxels_read;     /* exact, borders of blocks counted each time */
-    /* As known before reading: volumes fill their boxes, AUTO means MULTIPLE, and particles count as nothing.
-       sps_render may choose otherwise, and judge an error budget otherwise. */
+    /* Chosen before reading: volumes fill their boxes, AUTO means MULTIPLE, particles count as nothing. sps_render may
+       choose and judge otherwise. */
     sps_budget_report budget;
-    /* Upper bound of the context's memory, with image.depth, without layers (of pixels, of lights' texels) and the
-       lists of maps, which may be several times as much. Often 2 or 3 times the use; with particles far more, unless
-       shadow_resolution and shadow_map_resolution are set. With a budget: of the setting in `budget`. */
+    /* Upper bound of the context's memory for this setting, with image.depth. It excludes layers of pixels and texels,
+       and lists of maps, which may be several times as much. Often 2 or 3 times the use; with particles far more,
+       unless the resolutions of shadows are set. */
     size_t bytes;
 } sps_plan_report;
 
 typedef struct sps_stats_report {
-    /* By clock_fn: reading voxels, particles and triangles; rasterising; shade_fn; building the shadow tree; shadow
-       rays; binning bricks and particles; lights' sheets; cells or spreading light; the eye's sheets, shading and the
-       image; the whole call. Preparing bricks counts in the stage that first needs them. sps_reference and
-       sps_tmap_finish set only seconds_total. */
+    /* By clock_fn: reading the scene; rasterising; shade_fn; building the shadow tree; shadow rays. Then binning bricks
+       and particles; lights' sheets; cells or spreading light; eye's sheets, shading and image; the whole call.
+       sps_reference and sps_tmap_finish set only seconds_total. */
     double seconds_gather, seconds_polygons, seconds_textures, seconds_tree, seconds_shadow_rays;
     double seconds_bin, seconds_light, seconds_cells, seconds_eye, seconds_total;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls, background_calls;
     uint64_t shade_calls;
-    uint64_t blocks_skipped; /* not read, because range_fn showed nothing relevant in them */
+    uint64_t blocks_skipped; /* not read, because range_fn showed nothing relevant */
     uint64_t voxels_read, voxels_relevant, bricks, values_replaced;
     uint64_t triangles, triangles_degenerate, pixels_of_polygons;
     uint64_t surface_points; /* passed to shade_fn */
-    uint64_t layers;         /* layers of pixels: translucent polygons, and with coverage_samples polygons at edges */
-    uint64_t shadow_rays;    /* from pixels' polygons to lights, including rays known to be clear */
-    uint64_t particles;      /* particles that have a radius and an optical depth */
-    /* Transmittance maps: particles that reach beyond near_depth or far_depth. message_fn is told of these, and of such
-       voxels. */
+    uint64_t layers;         /* translucent polygons of pixels, and polygons at edges with coverage_samples */
+    uint64_t shadow_rays;    /* rays from pixels' polygons to lights, including clear ones */
+    uint64_t particles;      /* with a radius and an optical depth */
+    /* Transmittance maps: particles beyond near_depth or far_depth; message_fn is told of these, and of such voxels. */
     uint64_t particles_outside;
     uint64_t slabs, slabs_empty; /* over all sweeps */
-    /* Footprints: voxels and particles written to a tile's chunk of slabs. Fragments: their pixels times slabs
-       (particles: the pixels of their boxes). */
+    /* Footprints: splatted voxels and particles, per tile and chunk of slabs. Fragments: their pixels times slabs
+       (particles: pixels of their boxes). */
     uint64_t eye_footprints, eye_fragments;
     uint64_t light_footprints, light_fragments;
     uint64_t eye_samples, light_samples; /* samples of gathered volumes */
-    /* Bound of the error of optical depth by sps_view.tolerance, on any ray of the eye or of a light's sheets, without
-       kernel ripple. */
+    /* Bound of sps_view.tolerance's error on any ray of the eye, and of a light's sheets. */
     float eye_bound, light_bound;
     uint64_t tables_made, tables_held; /* shadow tables made or updated, and reused from the last call */
-    /* Patches of these tables, up to 8 x 8 texels over the whole depth range: filled, and kept. */
+    /* Patches of these tables, up to 8 x 8 texels over all depths: filled, and kept. */
     uint64_t table_patches_made, table_patches_held;
-    /* Cells in which light was followed; SPS_SCATTERING_CONVOLUTION: texels of all lights' sheets. 0: cached from the
-       last call, or not asked for. */
+    /* Cells lit and solved; SPS_SCATTERING_CONVOLUTION: texels of all lights' sheets. 0: cached, or not needed. */
     uint64_t cells;
     double scatter_bound; /* SPS_SCATTERING_AUTO: bound of multiple relative to single scattering; at most 1e6 */
     /* Texels times planes times points of lights that cast penumbrae on gas; 0: all light on gas was hard. */
@@ -884,20 +851,20 @@ typedef struct sps_stats_report {
     uint64_t tiles_finished;  /* tiles that became opaque before the last slab */
     sps_budget_report budget; /* as chosen; seconds_total is the time that the call took */
     uint64_t allocations;
-    size_t bytes, bytes_peak; /* in use now; maximum since sps_create */
+    size_t bytes, bytes_peak; /* now; maximum since sps_create */
 } sps_stats_report;
 
-/* The view of a light's transmittance map: perspective for a point light or a spot light, orthographic for a
-   directional light. */
+/* The view of a light's transmittance map: perspective for a point or spot light, orthographic for a directional
+   one. */
 typedef struct sps_tmap_light {
     uint32_t start_canary; /* leave 0 */
-    int width, height;     /* texels of the map, or of each of six faces, 1..16384 each; six faces are square */
+    int width, height;     /* texels of the map, or of each of six square faces, 1..16384 each */
     sps_camera camera;     /* copied, matrix and all */
     /* 1: six faces around camera.position, the only member of camera used then. 0: one view; if the light lies amid
        voxels, points outside its view count as lit, and message_fn is told. */
     int omnidirectional;
-    sps_quality quality; /* volumes: cut of the kernels, and slabs; as in sps_view */
-    double slab_thickness; /* volumes: thickness in voxels, as in sps_view */
+    sps_quality quality; /* volumes: cut of the kernels, and slabs */
+    double slab_thickness; /* volumes: in voxels, as in sps_view */
     uint32_t end_canary; /* leave 0 */
 } sps_tmap_light;
 
@@ -907,18 +874,17 @@ typedef struct sps_tmap_info {
     int face_count;     /* 1, or 6 */
     int is_finished;    /* 1: it can be queried and uploaded */
     int item_floats;    /* floats per texel in sps_tmap_texels; deep, compressed: per interval or node */
-    size_t texel_count; /* of all faces; also the length of sps_tmap_surfaces; sps_tmap_starts has one more */
+    size_t texel_count; /* all faces; also the length of sps_tmap_surfaces; sps_tmap_starts has one more */
     size_t float_count; /* length of sps_tmap_texels; deep, compressed: 0 before sps_tmap_finish */
-    /* Memory of the map, without up to 32 bytes per allocation. Before sps_tmap_finish, without intervals or nodes, and
-       without 4 bytes per texel if anything is opaque. */
+    /* Memory of the map, except up to 32 per allocation. Before sps_tmap_finish, without intervals or nodes, and 4 per
+       texel for surfaces. */
     size_t bytes;
     sps_tmap_settings settings; /* resolved: never SPS_TMAP_DEFAULT, actual components; planes belong to the map */
 } sps_tmap_info;
 
-/* Constants for a shader that reads a face of a map: a std140 block or constant buffer, 128 bytes to copy as they are.
-   struct tmap in examples/shaders/ begins with the same members. The texel of a world point p = (x, y, z, 1) is
-   (row_x . p, row_y . p) / (row_w . p); whole numbers are texel centres. row_distance . p is the distance that
-   near_depth counts. The rows are the matrix of sps_tmap_get_projection in floats. */
+/* Constants for a shader that reads a face of a map: a std140 block or constant buffer of 128 bytes. struct tmap in
+   examples/shaders/ begins with the same members. The rows are the matrix of sps_tmap_get_projection in floats: with p
+   = (x, y, z, 1), the texel is (row_x . p, row_y . p) / (row_w . p), the distance row_distance . p. */
 typedef struct sps_tmap_constants {
     float row_x[4], row_y[4], row_w[4], row_distance[4]; /* at bytes 0, 16, 32, 48 */
     int32_t technique, components;                       /* sps_tmap_technique; 0 components: intervals or nodes */
@@ -944,9 +910,8 @@ typedef struct sps_context sps_context; /* opaque */
 SPS_API int sps_version(void);
 
 /* Creates a context, which the caller must free with sps_destroy. config may be NULL: all defaults. Returns NULL on
-   failure. `why` may be NULL; otherwise it receives the error, or SPS_OK. Errors: ARGUMENT (a canary of config is not
-   0, only one of alloc_fn and free_fn is set, worker_count is not 0..1024), MEMORY (the allocator returned NULL, or
-   memory_limit is less than a context needs). */
+   failure. `why`, if not NULL, receives the error, or SPS_OK. Errors: ARGUMENT (a canary is not 0, only one of alloc_fn
+   and free_fn is set, worker_count is not 0..1024), MEMORY. */
 SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why);
 
 /* Frees the context and its memory. Its maps must have been destroyed before (SPS_ASSERT). NULL is allowed. */
@@ -956,33 +921,32 @@ SPS_API void sps_destroy(sps_context *context);
    next call on the context. */
 SPS_API const char *sps_error(const sps_context *context);
 
-/* Writes the same error as data. If the last call succeeded, `result` is SPS_OK, `object` SPS_OBJECT_NONE, and strings
-   are empty. If context is NULL, `result` is SPS_ERROR_ARGUMENT. */
+/* Writes the same error as data. SPS_OK, SPS_OBJECT_NONE and empty strings if the last call succeeded;
+   SPS_ERROR_ARGUMENT if context is NULL. */
 SPS_API void sps_get_error(const sps_context *context, sps_error_info *info);
 
-/* Reports what sps_render would run for this scene and view, and why. Calls range_fn, but reads no voxels, triangles or
-   particles: slab_count is of the volumes alone, and with particles shadow_width and shadow_height are bounds. Volumes
+/* Reports the passes of sps_render for this scene and view, and why. Calls range_fn, but reads no voxels, triangles or
+   particles: with particles, slab_count is of the volumes alone, and shadow_width and shadow_height are bounds. Volumes
    count as full boxes, so UNSUPPORTED (SPS_SHADOW_SHEETS) or too many slabs may occur where sps_render succeeds.
-   `report` is filled on SPS_OK and zeroed otherwise. Errors: ARGUMENT, MEMORY, CALLBACK (range_fn), UNSUPPORTED. */
+   `report` is zeroed on failure. Errors: ARGUMENT, MEMORY, CALLBACK (range_fn), UNSUPPORTED. */
 SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
                             sps_plan_report *report);
 
 /* Renders the view's region into the caller's image, which is written only if SPS_OK is returned. Time is about voxels
-   * footprint pixels * slabs of each for splatted volumes, pixels * slabs in gas for gathered ones; as much for each
-   shadowing light, by its texels; and the cells of multiple scattering. Any sps_result can occur. */
+   * footprint pixels * slabs of each for splatted volumes, pixels * slabs in gas for gathered ones. Each shadowing
+   light adds as much, multiple scattering its cells. Any sps_result can occur. */
 SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view,
                               const sps_image *image);
 
-/* Renders the same scene by brute-force ray marching in double precision, a reference to measure against. Each sample
-   of f(p) traces a shadow ray per light; polygons and particles are intersected exactly. Random paths
-   (settings->samples) add multiple scattering. No slicing limit: any light, any camera. Quality, slab_thickness,
-   tolerance and budgets have no effect. Keeps all voxels, triangles and particles in memory (docs/manual.md, section
-   11). The image is written only if SPS_OK is returned. Any sps_result can occur. */
+/* Renders the scene by brute force in double precision, as a reference. It marches rays through f(p) with a shadow ray
+   per sample and light; polygons and particles are exact. Random paths (settings->samples) add multiple scattering.
+   Ignores quality, slab_thickness, tolerance and budgets. Keeps the whole scene in memory (docs/manual.md, section 11).
+   The image is written only if SPS_OK is returned. Any sps_result can occur. */
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view,
                                  const sps_reference_settings *settings, const sps_image *image);
 
-/* Reports the work of the last sps_render, sps_reference, sps_plan or sps_tmap_create, _add, _finish, even if it
-   failed. Footprints splatted into maps are not counted. If context is NULL, all of the report is 0. */
+/* Reports the work of the last call that renders, plans or makes a map, even if it failed. Footprints splatted into
+   maps are not counted. If context is NULL, all of the report is 0. */
 SPS_API void sps_get_stats(const sps_context *context, sps_stats_report *report);
 
 /* Returns a short lower-case name of a pass ("light sheets"), a static string; never NULL. */
@@ -990,43 +954,41 @@ SPS_API const char *sps_pass_name(sps_pass pass);
 
 /* The read_fn and range_fn of a volume whose `user` is an sps_grid. sps_grid_range tests each voxel of the block, and
    writes 0..1e18 if one is not finite, negative or above 1e18. Threads: see sps_grid. If read_fn is sps_grid_read, the
-   library checks the grid first: errors are ARGUMENT with a field such as "grid.scale". For callbacks that wrap these
-   functions, both return 0, or 1: grid or its voxels are NULL, a canary is not 0, a size is below 1, the format is
-   unknown, or scale or offset is not finite; 2: the block reaches beyond the grid. */
+   library checks the grid first and returns ARGUMENT; the codes serve callbacks that wrap these functions. Both return
+   0, or 1: a field of the grid is wrong (NULL, canary, size, format, scale, offset); 2: the block reaches beyond the
+   grid. */
 SPS_API int sps_grid_read(void *grid, const int lo[3], const int size[3], float *out);
 SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float out_min_max[2]);
 
 /* The read_fn of a mesh whose `user` is an sps_indexed_mesh. Missing normals and colors keep their values in `out`.
-   Threads: see sps_grid. If this is read_fn, the library checks all but the indices first: errors are ARGUMENT with a
-   field such as "arrays.positions". Returns 0, or 1: indexed or its positions are NULL, a canary is not 0, vertex_count
-   is 0, or both kinds of indices are set; 2: it has fewer triangles than are to be read (1 and 2 only reach callbacks
-   that wrap this function); 3: an index is not below vertex_count, and the call fails as CALLBACK. */
+   Threads: see sps_grid. If this is read_fn, the library checks all but the indices first and returns ARGUMENT. Returns
+   0, or for callbacks that wrap it 1: a field is wrong (NULL, canary, vertex_count 0, both kinds of indices); 2: too
+   few triangles. 3: an index is not below vertex_count; the call fails as CALLBACK. */
 SPS_API int sps_indexed_mesh_read(void *indexed, size_t first, size_t count, sps_triangle *out);
 
-/* Creates a transmittance map, in which an engine looks up shadows: add occluders, finish, query. The caller must free
-   it with sps_tmap_destroy. settings and light are copied with all that they point to. A call on a map counts as a call
-   on its context, unless it only reads the map, as queries do. Errors: ARGUMENT, MEMORY (also byte_budget); *map is
-   NULL then. */
+/* Creates a transmittance map, for shadow lookups in an engine: add occluders, finish, query. The caller frees it with
+   sps_tmap_destroy. settings and light are copied with all that they point to. A call on a map counts as a call on its
+   context, unless it only reads the map, as queries do. Errors: ARGUMENT, MEMORY (also byte_budget); *map is NULL
+   then. */
 SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *light, const sps_tmap_settings *settings,
                                    sps_tmap **map);
 
 /* Adds the volumes, meshes and particles of a scene; its lights and background are checked but not used. The structs
-   are copied; their callbacks and arrays are borrowed until sps_tmap_finish, which reads them. May be called any number
-   of times before that. Errors: ARGUMENT (the map is finished; a field of the scene), MEMORY. */
+   are copied; their callbacks and arrays are borrowed until sps_tmap_finish, which reads them. May be called repeatedly
+   before that. Errors: ARGUMENT (the map is finished; a field of the scene), MEMORY. */
 SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene);
 
-/* Reads the occluders' data and makes the map: every particle at its chord along each texel's ray, every voxel's kernel
-   cut at slabs perpendicular to the light's axis, every triangle where it is. Time is about occluders * texels under
-   them * components; memory: docs/manual.md, section 12. After a failure the map can only be destroyed. Errors:
-   ARGUMENT (finished already), and all of sps_render's. */
+/* Reads the occluders and makes the map. Each texel's ray collects chords of particles, kernels cut at slabs
+   perpendicular to the light's axis, and triangles. Time is about occluders * texels under them * components; memory:
+   docs/manual.md, section 12. After a failure the map can only be destroyed. Errors: ARGUMENT (finished already), and
+   all of sps_render's. */
 SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 
 /* Writes the optical depth between the light and each of `count` world positions (packed triples), and exp(-that);
    either array may be NULL. Gas is interpolated between four texels; surfaces count by the fraction of these that they
-   cover. Outside the map, behind the light, before near_depth and at positions that are not finite: 0 and 1. Behind
-   surfaces that cover all four texels: 1e15 and 0. May be called from many threads, and so records no error in the
-   context. Errors, which leave both arrays untouched: ARGUMENT (map is NULL or not finished; positions is NULL and
-   count is not 0). */
+   cover, all four: 1e15 and 0. Outside the map, behind the light, before near_depth and at positions that are not
+   finite: 0 and 1. Callable from many threads; records no error in the context. Errors, which leave both arrays
+   untouched: ARGUMENT (map is NULL or not finished; positions is NULL and count is not 0). */
 SPS_API sps_result sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *optical_depths,
                                   float *transmittances);
 
@@ -1035,43 +997,39 @@ SPS_API sps_result sps_tmap_query(const sps_tmap *map, size_t count, const doubl
 SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, const float *positions, size_t stride,
                                          float *optical_depths, float *transmittances);
 
-/* Writes conservative bounds of the optical depth along the texels' rays, up to round-off: for deep, opacity, deep
-   opacity, moment and Beer maps, and for compressed ones without components. 0 and 1e15 for the others. Kernels count
-   as cut by `quality`, an error of optical depth of up to 1 % at medium (docs/manual.md, section 12). least or most may
-   be NULL. Threads and errors as for sps_tmap_query. */
+/* Writes conservative bounds of the optical depth along the texels' rays, up to round-off. Fourier and depth maps, and
+   compressed ones with components, have none: 0 and 1e15. Kernels count as cut by `quality`, about 1 % of optical depth
+   at medium (docs/manual.md, section 12). least or most may be NULL. Threads and errors as for sps_tmap_query. */
 SPS_API sps_result sps_tmap_bounds(const sps_tmap *map, size_t count, const double *positions, float *least,
                                     float *most);
 
 /* Returns the texels to upload, rows from the top, `components` floats each. Deep maps have intervals (u0, u1, optical
    depth, softness), compressed maps nodes (u, transmittance), texel after texel. Softness is 0 for even density, 1 for
-   a chord that is densest in the middle, less for its last part if the light is inside. What an interval has before u =
-   0 counts at 0; at u = 1 all of it counts. Six faces follow each other, +x -x +y -y +z -z, columns and rows along the
-   next two axes, y z, z x or x y. Centres of outermost texels lie on the cube's edges: not a hardware cube map. Valid
-   until sps_tmap_destroy; NULL before sps_tmap_finish. examples/shaders/ samples them as sps_tmap_query does. */
+   a chord densest in the middle, less for its last part around the light. Parts before u = 0 count at 0, parts behind 1
+   at 1. Six faces follow each other, +x -x +y -y +z -z. Columns and rows run along the next two axes, y z, z x or x y.
+   Centres of outermost texels lie on the cube's edges: not a hardware cube map. Valid until sps_tmap_destroy; NULL
+   before sps_tmap_finish. examples/shaders/ samples them as sps_tmap_query does. */
 SPS_API const float *sps_tmap_texels(const sps_tmap *map);
 
 /* Deep and compressed maps: returns the index of each texel's first interval or node, followed by the number of all.
    Valid as sps_tmap_texels. NULL for other maps. */
 SPS_API const uint32_t *sps_tmap_starts(const sps_tmap *map);
 
-/* Returns u of each texel's first opaque surface, one float per texel in the same order: below 0 before near_depth,
-   1e30 if there is no surface. Valid as sps_tmap_texels. NULL if the whole map has no surface. */
+/* Returns u of each texel's first opaque surface: below 0 before near_depth, 1e30 if there is none. Valid as
+   sps_tmap_texels. NULL if the whole map has none. */
 SPS_API const float *sps_tmap_surfaces(const sps_tmap *map);
 
 /* Writes the projection of world points onto a face of the map (0, or 0..5): row-major, (X, Y, D, W) = matrix * (x, y,
-   z, 1). The texel is (X / W, Y / W), where whole numbers are texel centres. D is the distance that near_depth counts;
-   the point lies behind the light unless W > 0. A surface shades points more than bias[0] + bias[1] * D behind it, in
-   the same units. matrix or bias may be NULL. Errors, which leave both untouched: ARGUMENT (map is NULL or not
-   finished, or has no such face). */
+   z, 1). The texel is (X / W, Y / W); whole numbers are texel centres. D is the distance that near_depth counts; W <= 0
+   is behind the light. A surface shades points more than bias[0] + bias[1] * D behind it. matrix or bias may be NULL.
+   Errors, leaving both untouched: ARGUMENT (map is NULL or not finished, or has no such face). */
 SPS_API sps_result sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]);
 
 /* Fills the constants for a shader that reads a face of the map (0, or 0..5). Only the rows and `face` depend on the
-   face. Errors, which leave them untouched: ARGUMENT (map is NULL or not finished, or has no such face; constants is
-   NULL). */
+   face. Errors as for sps_tmap_get_projection, and ARGUMENT if constants is NULL. */
 SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tmap_constants *constants);
 
-/* Writes size and settings of the map, finished or not. Errors, which leave info untouched: ARGUMENT (either is NULL).
- */
+/* Writes size and settings of the map, finished or not. Errors: ARGUMENT (either is NULL). */
 SPS_API sps_result sps_tmap_get_info(const sps_tmap *map, sps_tmap_info *info);
 
 /* Frees the map, which must be done before its context is destroyed. NULL is allowed. */

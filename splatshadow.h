@@ -100,16 +100,16 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
 
 MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs about
     20 bytes per relevant voxel, 32 per particle, 176 per triangle, 24 to 60 per pixel and 68 per texel of shadow
-    buffer. docs/manual.md, section 10, lists the rest. sps_plan returns an upper bound. memory_limit is never exceeded.
+    buffer. docs/manual.md, section 10, lists the rest. memory_limit is never exceeded.
 ERRORS   Calls return sps_result; sps_error and sps_get_error tell field and value. After a failure the image is
     untouched and the context can be used again.
-THREADS   A context serves one call at a time. Any number of contexts may run at once, and threads query a finished map.
-    parallel_for_fn distributes the work. All other callbacks run on the calling thread, one at a time, with two
-    exceptions. Workers call read_fn, range_fn and eval_fn of `concurrent` volumes at once (not in sps_plan). With
-    progress_fn, they also call clock_fn. A callback that calls into its own context gets SPS_ERROR_CALLBACK, as does
-    the interrupted call; then the context can be used. No callback may leave by an exception or longjmp. If one does,
-    later calls return SPS_ERROR_CALLBACK. Destroying the context and its maps then frees all memory, if C code has
-    unwind tables (-fexceptions).
+THREADS   A context serves one call at a time. Any number of contexts may run at once, and any number of threads may
+    query a finished map. parallel_for_fn distributes the work. All other callbacks run on the calling thread, one at a
+    time, with two exceptions. Workers call read_fn, range_fn and eval_fn of `concurrent` volumes at once (not in
+    sps_plan). With progress_fn, they also call clock_fn. A callback that calls into its own context gets
+    SPS_ERROR_CALLBACK, as does the interrupted call; then the context can be used. No callback may leave by an
+    exception or longjmp. If one does, later calls return SPS_ERROR_CALLBACK. Destroying the context and its maps then
+    frees all memory, if C code has unwind tables (-fexceptions).
 REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image.
     Different machines need the same C library, rounding mode and treatment of denormal numbers. Only a budget
     (sps_view) depends on the clock, earlier frames, the region and the number of workers.
@@ -764,15 +764,15 @@ typedef enum sps_pass {
     SPS_PASS_LAYERS,         /* lists translucent polygons, and polygons at edges */
     SPS_PASS_TEXTURES,       /* calls shade_fn */
     SPS_PASS_LIGHT_POLYGONS, /* rasterises depth maps for gas, per shadowing light without penumbrae; counts empties */
-    SPS_PASS_TRIANGLE_TREE,  /* builds a tree of triangles for shadow rays */
+    SPS_PASS_TRIANGLE_TREE,  /* builds a tree for shadow rays */
     SPS_PASS_SHADOW_RAYS,    /* traces rays from polygons to each shadowing light */
     SPS_PASS_EYE_SHEETS,     /* fills the eye's sheets, per sweep; twice with forward scattering from behind */
     SPS_PASS_LIGHT_SHEETS,   /* fills the sheets of each shadowing light without a map */
     SPS_PASS_LIGHT_MAPS,     /* makes the maps and tables of shadowing lights; counts cached tables */
-    SPS_PASS_PENUMBRAE,      /* follows the points of area lights through the sheets */
+    SPS_PASS_PENUMBRAE,      /* follows points of area lights through sheets */
     SPS_PASS_GRADIENT,       /* gradients of surface-shaded volumes */
     SPS_PASS_SCATTERING,     /* light leaving the sheets */
-    SPS_PASS_FORWARD,        /* tabulates forward multiple scattering, for each gas */
+    SPS_PASS_FORWARD,        /* tabulates forward multiple scattering */
     SPS_PASS_SPREADING,      /* convolves light from sheet to sheet, per light */
     SPS_PASS_CELLS,          /* follows light from cell to cell */
     SPS_PASS_EMISSION,       /* emission of volumes and particles */
@@ -859,7 +859,7 @@ typedef struct sps_stats_report {
 typedef struct sps_tmap_light {
     uint32_t start_canary; /* leave 0 */
     int width, height;     /* texels of the map, or of each of six square faces, 1..16384 each */
-    sps_camera camera;     /* copied, matrix and all */
+    sps_camera camera;     /* copied, with its matrix */
     /* 1: six faces around camera.position, the only member of camera used then. 0: one view; if the light lies amid
        voxels, points outside its view count as lit, and message_fn is told. */
     int omnidirectional;
@@ -1029,7 +1029,7 @@ SPS_API sps_result sps_tmap_get_projection(const sps_tmap *map, int face, double
    face. Errors as for sps_tmap_get_projection, and ARGUMENT if constants is NULL. */
 SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tmap_constants *constants);
 
-/* Writes size and settings of the map, finished or not. Errors: ARGUMENT (either is NULL). */
+/* Writes size and settings of the map, finished or not. Errors, leaving info untouched: ARGUMENT (either is NULL). */
 SPS_API sps_result sps_tmap_get_info(const sps_tmap *map, sps_tmap_info *info);
 
 /* Frees the map, which must be done before its context is destroyed. NULL is allowed. */

@@ -539,8 +539,8 @@ typedef struct sps_projector {
 } sps_projector;
 
 /* A light. Area lights cast penumbrae, but gas scatters their light as if from the centre; size 0 gives the bits of a
-   point. Sheets shadow gas in slabs perpendicular to the half vector of eye and light. All their rays through gas must
-   cross these at a cosine of 0.1 or more. Otherwise (a point light in or near a volume, a very wide camera) see
+   sharp light. Sheets shadow gas in slabs perpendicular to the half vector of eye and light. All their rays through gas
+   must cross these at a cosine of 0.1 or more. Otherwise (a point light in or near a volume, a very wide camera) see
    shadow_source. Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
@@ -906,7 +906,7 @@ typedef struct sps_context sps_context; /* opaque */
 
 /* ============================================================================================ >>functions */
 
-/* Returns the version of the compiled implementation, in the form of SPS_VERSION. */
+/* Returns the SPS_VERSION of the compiled implementation. */
 SPS_API int sps_version(void);
 
 /* Creates a context, which the caller must free with sps_destroy. config may be NULL: all defaults. Returns NULL on

@@ -8374,16 +8374,16 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
 }
 
 /* ================================================================================================ >>lights
-   15 Lights: where their light comes from, and grids of rays that cover what it may reach. */
+   15 Lights: their direction, and the ray grids that cover everything they may shadow. */
 
-#define SPSI_PARTICLE_EDGE 0.7 /* in radii, >>slicing */
-#define SPSI_GROUP_MOST    8   /* slabs that are shaded at once */
-#define SPSI_GROUP_SLAB    2   /* sps_view.slab_thickness up to which there are groups: thicker ones are to be cheap */
-#define SPSI_FINE_PIXELS   1.7 /* times texel_pixels: least texels of dense particles */
-#define SPSI_FINE_SLABS    40  /* in the diagonal of all gas, times sps_view.slab, beyond which none are refined */
+#define SPSI_PARTICLE_EDGE 0.7 /* radii, >>slicing */
+#define SPSI_GROUP_MOST    8   /* slabs shaded at once */
+#define SPSI_GROUP_SLAB    2   /* sps_view.slab_thickness above which slabs are not grouped, since they must be cheap */
+#define SPSI_FINE_PIXELS   1.7 /* times texel_pixels: smallest texel of dense particles */
+#define SPSI_FINE_SLABS    40  /* maximum number of refined slabs in the medium's diagonal, at slab_thickness 1 */
 #define SPSI_TEXELS_ALIKE  "cannot tell its texels apart so far from the world's origin"
 
-/* Unit vector along which light travels at a point. */
+/* Unit direction of a light's rays at a point. */
 static void spsi_light_direction(const spsi_light *light, const double point[3], double direction[3]) {
     if (!light->is_point)
         memcpy(direction, light->direction, sizeof light->direction);
@@ -8392,8 +8392,8 @@ static void spsi_light_direction(const spsi_light *light, const double point[3],
     spsi_normalise(direction);
 }
 
-/* How many times finer slabs and texels are where particles are dense, since what lights the inside of a sphere changes
-   within optical depths. Clouds that are many particles deep are not resolved as finely. */
+/* Refinement factor of slabs and texels in dense particles, where radiance changes within an optical depth of 1.
+   Limited for clouds many particles deep. */
 static double spsi_particle_fineness(const spsi_frame *frame) {
     const spsi_content *content = frame->content;
     const double edge = SPSI_PARTICLE_EDGE * content->particle_radius, depth = edge * content->particle_extinction;
@@ -8405,11 +8405,10 @@ static double spsi_particle_fineness(const spsi_frame *frame) {
     return finer < 1.4 ? 1 : finer;
 }
 
-/* Fits a light's rays to `bounds`. `texel` is the desired size of a texel in the world (for a point light, at the
-   middle of the bounds). `size` is the number of texels on the longer side; 0: what `texel` calls for, `most` at most.
-   A border of two texels stays free on every side. As a light turns, texels keep their places about the middle of the
-   bounds, and come and go in pairs at the borders: errors that jump would be visible. Returns 0 if a point light does
-   not see the bounds within a cone, or if spsi_rays_complete fails. */
+/* Fits a light's rays to `bounds`. `texel`: desired world size of a texel, at the middle of the bounds. `size`: texels
+   on the longer side; 0: derived from `texel`, up to `most`. Keeps a border of two texels. Texels stay centred on the
+   bounds as a light turns, and are added in pairs, so that errors do not flicker. Returns 0 if no cone from a point
+   light covers the bounds, or if spsi_rays_complete fails. */
 static int spsi_rays_fit(const spsi_light *light, const spsi_bounds *bounds, double texel, int size, int most,
                          spsi_rays *rays) {
     double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
@@ -8448,41 +8447,38 @@ static int spsi_rays_fit(const spsi_light *light, const spsi_bounds *bounds, dou
     return spsi_rays_complete(rays);
 }
 
-/* Maximum number of texels on the longer side of a light's sheets where shadow_resolution does not set it. */
+/* Maximum texels on a side of a light's sheets, unless shadow_resolution sets it. */
 SPSI_COLD int spsi_light_texels_most(const spsi_frame *frame) {
     return frame->medium_count > 0 ? 4096 : frame->accuracy.depth_map_texels;
 }
 
-/* Whether light is followed from cell to cell, >>cells; or may be, until SPS_SCATTERING_AUTO is decided. */
+/* True if light is transported through the grid, >>cells, or may be while SPS_SCATTERING_AUTO is undecided. */
 static int spsi_scatters_fully(const spsi_frame *frame) {
     return (frame->view.scattering == SPS_SCATTERING_MULTIPLE || frame->view.scattering == SPS_SCATTERING_AUTO) &&
            spsi_light_meets_gas(frame);
 }
 
-/* Whether rays are traced through the polygons. */
 static int spsi_needs_tree(const spsi_frame *frame) {
     return frame->lights.shadow_count > 0 || spsi_scatters_fully(frame);
 }
 
-/* Whether light spreads on its way from lights, >>spreading. */
+/* True if light is spread by convolution, >>spreading. */
 static int spsi_scatters_aside(const spsi_frame *frame) {
     return frame->view.scattering == SPS_SCATTERING_CONVOLUTION && frame->matter.scatters &&
            frame->lights.shadow_count > 0;
 }
 
-/* Whether gas needs tables of light that is scattered forward. */
 static int spsi_scatters_forward(const spsi_frame *frame) {
     const int lit = frame->matter.scatters && frame->lights.shadow_count > 0;
     if (spsi_scatters_fully(frame)) return lit && frame->matter.orders > 1;
     return lit && (frame->view.scattering == SPS_SCATTERING_FORWARD || spsi_scatters_aside(frame));
 }
 
-/* Whether any gas scatters light more than once. */
 static int spsi_scatters_multiply(const spsi_frame *frame) {
     return spsi_scatters_fully(frame) || spsi_scatters_forward(frame);
 }
 
-/* Optical depth at which lights are no longer followed. */
+/* Optical depth at which light rays terminate. */
 SPSI_COLD float spsi_light_end(const spsi_frame *frame) {
     return spsi_scatters_forward(frame) ? SPSI_FORWARD_END : SPSI_LIGHT_END;
 }
@@ -8491,11 +8487,10 @@ SPSI_COLD int spsi_has_shadow_table(const spsi_light *light) {
     return light->has_map && light->map.technique == SPS_TMAP_TABLE;
 }
 
-#define SPSI_SHADOW_TABLE_TEXELS_MOST 256 /* on a side of a shadow table whose size is not set */
+#define SPSI_SHADOW_TABLE_TEXELS_MOST 256 /* on a side, by default */
 
-/* The same of a light's map. */
 SPSI_COLD int spsi_map_texels_most(const spsi_frame *frame, const spsi_light *light) {
-    const double share = cbrt((double)spsi_imax(1, light->tables)); /* together they take the memory of one */
+    const double share = cbrt((double)spsi_imax(1, light->tables)); /* all tables of a light use the memory of one */
     return spsi_has_shadow_table(light) ? (int)(SPSI_SHADOW_TABLE_TEXELS_MOST / share) : spsi_light_texels_most(frame);
 }
 
@@ -8505,9 +8500,8 @@ SPSI_COLD int spsi_has_shadow_tables(const spsi_frame *frame) {
     return 0;
 }
 
-/* Desired size of a light's texels: that of a voxel, or half of the voxel edge that stands for a particle, whose rim is
-   sharper, divided by the quality's texels per voxel. Particles alone do not call for more texels than a depth map
-   has. For a light in the very centre, where no direction is that of the gas, voxels are measured across z. */
+/* Desired world size of a light's texels: a voxel's breadth, or half of a particle's equivalent voxel edge since its
+   rim is sharper. Particles alone need no more texels than a depth map. */
 SPSI_COLD double spsi_light_texel(const spsi_frame *frame, const spsi_light *light) {
     double centre[3], forward[3], right[3], down[3], across[3], size = HUGE_VAL, own;
     spsi_bounds_centre(&frame->content->bounds, centre);
@@ -8520,21 +8514,20 @@ SPSI_COLD double spsi_light_texel(const spsi_frame *frame, const spsi_light *lig
     }
     if (frame->content->particle_count == 0) return size;
     own = 0.5 * SPSI_PARTICLE_EDGE * frame->content->particle_radius / frame->accuracy.shadow_texels;
-    if (spsi_has_shadow_table(light)) own /= sqrt(spsi_particle_fineness(frame)); /* whose time is its texels' cube */
+    if (spsi_has_shadow_table(light)) own /= sqrt(spsi_particle_fineness(frame)); /* time is cubic in texels */
     spsi_along(frame->content->bounds.high, frame->content->bounds.low, -1, across);
     return spsi_dmin(size, spsi_dmax(own, spsi_length(across) / frame->accuracy.depth_map_texels));
 }
 
 /* --- pixels wider than voxels ---
-   Neither shadows nor slabs need be finer than what the picture tells apart. A texel of gas has a filter of its own,
-   of 1/8 to 1/2 square texels, and lookups add 1/6: at 0.6 pixels, shadows are no more blurred than by 1/4 of a
-   square pixel, which is the pixel filter; at draft they are by twice that. Classified volumes are not filtered,
-   since what a mean looks like is not the mean of looks: half a pixel leaves each pixel two texels along each axis.
-   Slabs are second order in their thickness, and those of gas may be half a pixel thick, or one at draft; classified
-   volumes have one sample in each, at 0.3 pixels. */
+   Shadows and slabs need not be finer than pixels resolve. A texel's own filter has 1/8 to 1/2 square texels, and
+   lookups add 1/6. Texels of 0.6 pixels thus blur by at most 1/4 square pixel, the pixel filter's variance; draft
+   allows twice that. Classified volumes cannot be filtered, so they get two texels per pixel and axis. Slabs are second
+   order in thickness: half a pixel is enough, or one at draft. Classified volumes take one sample per slab, at 0.3
+   pixels. */
 
-/* How far eight points, in ray coordinates (x t, y t, t) that change at constant rates, can go until all of them have
-   left the image by the same side; infinity if they don't. */
+/* Distance at which eight points, moving at constant rates in ray coordinates (x t, y t, t), have all left across one
+   image side; else infinity. */
 SPSI_COLD double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double rates[8][3]) {
     double end = HUGE_VAL;
     for (int side = 0; side < 4; ++side) {
@@ -8550,9 +8543,8 @@ SPSI_COLD double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double 
     return end;
 }
 
-/* The least breadth of a pixel where the eye sees gas; with a light, also where it may see the shadow of gas on
-   polygons, wherever they are; without what levels reach beyond it, which may set in at once. 0 if these reach beside
-   or behind the eye. */
+/* Smallest pixel breadth in the medium; with a light, also where its shadow may fall on polygons. Ignores the margin
+   that pyramid levels add to the bounds, since it may appear suddenly. 0 beside or behind the eye. */
 SPSI_COLD double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_light *shading) {
     const spsi_rays *eye = &frame->content->eye;
     const int falls = shading && frame->meshes.triangle_count > 0 && eye->perspective;
@@ -8574,21 +8566,19 @@ SPSI_COLD double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_light *sh
     return eye->perspective ? breadth * spsi_dmax(nearest, spsi_dmax(eye->near_depth, 0)) : breadth;
 }
 
-/* The least size of a texel of a depth map by which polygons shade gas: half of what the gas's may be, since their
-   edges have no filter; 0: they are as fine as quality says. */
+/* Smallest useful texel of a depth map: half of the medium's, since polygon edges are unfiltered; 0: quality
+   decides. */
 SPSI_COLD double spsi_depth_map_texel(const spsi_frame *frame) {
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
     return 0.5 * frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, NULL);
 }
 
-/* Bounds of the gas that a light's map serves. */
 SPSI_COLD const spsi_bounds *spsi_light_bounds(const spsi_frame *frame, const spsi_light *light) {
     return light->map_bounds ? light->map_bounds : &frame->content->bounds;
 }
 
-/* Aims a light's transmittance map at the gas: one grid of rays if the light sees all of it within a cone, otherwise
-   six, whose texels have the desired size where the gas is farthest. Returns the number of grids; 0: the light is too
-   far from the world's origin to tell its rays apart. */
+/* Aims a light's transmittance map: one ray grid if a cone covers the medium, else six cube faces with the desired
+   texels at the farthest medium. Returns the number of grids; 0: too far from the world's origin. */
 SPSI_COLD int spsi_light_rays(const spsi_frame *frame, const spsi_light *light, spsi_rays rays[SPSI_CUBE_FACES]) {
     const spsi_bounds *bounds = spsi_light_bounds(frame, light);
     const double texel = spsi_light_texel(frame, light);
@@ -8605,12 +8595,12 @@ SPSI_COLD int spsi_light_rays(const spsi_frame *frame, const spsi_light *light, 
     return SPSI_CUBE_FACES;
 }
 
-/* Components of an offset in a light's frame, where small angles from the axis stay precise in floats. */
+/* Offset in a light's frame, where small angles from the axis stay precise in floats. */
 static void spsi_to_light(const spsi_light *light, const double offset[3], double place[3]) {
     for (int k = 0; k < 3; ++k) place[k] = spsi_dot(k < 2 ? light->across[k] : light->direction, offset);
 }
 
-/* What a spotlight's cone lets pass at an angle from its axis, given by 1 - cos. */
+/* Intensity factor of a spotlight at an angle from its axis, given as 1 - cos. */
 static inline spsi_v spsi_cone_fraction(const spsi_cone *cone, spsi_v versine) {
     const spsi_v share = spsi_div(spsi_sub(spsi_set((float)cone->none), versine), spsi_set((float)cone->rim));
     const spsi_v most = spsi_clamp(share, spsi_set(0), spsi_set(1));
@@ -8622,7 +8612,7 @@ static double spsi_cone_at(const spsi_cone *cone, double versine) {
     return cone->exists ? share * share : 1;
 }
 
-/* 1 - cos of the angle between the axis and a place in a light's frame. */
+/* 1 - cos of the angle from the axis, at a place in the light's frame. */
 static inline spsi_v spsi_versine_v(const spsi_v place[3]) {
     const spsi_v aside = spsi_fma(place[0], place[0], spsi_mul(place[1], place[1])), z = place[2];
     const spsi_v r = spsi_max(spsi_sqrt(spsi_fma(z, z, aside)), spsi_set(FLT_MIN));
@@ -8637,8 +8627,7 @@ static double spsi_versine(const spsi_light *light, const double travel[3]) {
     return place[2] > 0 ? aside / (1 + place[2]) : 1 - place[2];
 }
 
-/* Vector from a point to a light, in units of a packet's reach: the whole way to a point light, a unit vector towards a
-   directional one. */
+/* Vector to a light: the whole offset to a point light, a unit vector to a directional one. */
 static void spsi_toward_light(const spsi_light *light, const double point[3], double toward[3]) {
     if (light->is_point) {
         spsi_along(light->position, point, -1, toward);
@@ -8649,14 +8638,13 @@ static void spsi_toward_light(const spsi_light *light, const double point[3], do
 }
 
 /* =========================================================================================== >>projectors
-   16 Images that lights throw: read once per call, halved down to a texel, looked up along the light's rays. A texel of
-   a halved image is the mean of the area that it covers; between two images, the share of each is linear in the size of
-   a pixel. Cost: 3 floats per texel and 1/3 more; a lookup gathers 12 texels, or 24 between two images. */
+   16 Projected textures (cookies): read once per call, mipmapped, looked up along the light's rays. Lookups interpolate
+   mip levels linearly in pixel size. Cost: 4 floats per texel; a lookup gathers 12 texels, or 24 between two levels. */
 
-#define SPSI_IMAGE_ROW_FLOATS 5 /* per texel of the row that is being read: a place and a color */
+#define SPSI_IMAGE_ROW_FLOATS 5 /* per texel of the row being read: a place and a color */
 
-/* Sets the sizes of an image's levels, and lays them out in memory, or counts only. From one to the next, the sides
-   whose texels are the shorter ones are halved, or both if texels are about square. */
+/* Lays out the mip levels in memory (NULL: only counts). Each level halves the axis with the shorter texels, or both if
+   texels are about square. */
 SPSI_COLD void spsi_image_lay_out(const spsi_projection *projection, float *memory, uint64_t *laid, spsi_image *image) {
     int size[2] = {projection->given.width, projection->given.height}, level = 0;
     double edge[2] = {projection->edge[0], projection->edge[1]}, shortest = spsi_dmin(edge[0], edge[1]);
@@ -8678,7 +8666,7 @@ SPSI_COLD void spsi_image_lay_out(const spsi_projection *projection, float *memo
     image->level_count = level;
 }
 
-/* Lays out all lights' images in memory, or counts only. Returns the number of floats. */
+/* Returns the number of floats. */
 static uint64_t spsi_images_lay_out(const spsi_frame *frame, float *memory) {
     uint64_t laid = 0;
     const uint64_t bytes = (uint64_t)frame->lights.image_count * sizeof(spsi_image);
@@ -8692,7 +8680,7 @@ static uint64_t spsi_images_lay_out(const spsi_frame *frame, float *memory) {
     return laid;
 }
 
-/* Fails on an invalid color of a texel, or makes it black. */
+/* Fails on an invalid color, or makes it black. */
 SPSI_COLD sps_result spsi_texel_validate(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                          float *rgb) {
     if (!frame->given.replace_invalid)
@@ -8704,7 +8692,6 @@ SPSI_COLD sps_result spsi_texel_validate(sps_context *context, const spsi_frame 
     return SPS_OK;
 }
 
-/* Reads an image row by row. */
 SPSI_COLD sps_result spsi_image_read(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                      const spsi_image *image) {
     const spsi_projection *projection = &light->projection;
@@ -8731,7 +8718,7 @@ SPSI_COLD sps_result spsi_image_read(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* The texels of a row of `fine` that texel i of a row of `coarse` covers, and the share of each: three at most. */
+/* First of up to three texels in a row of `fine` under texel i of a row of `coarse`, and their weights. */
 SPSI_COLD int spsi_halving(int fine, int coarse, int i, float shares[3]) {
     const double per = (double)fine / coarse, low = i * per, high = low + per;
     const int first = (int)low;
@@ -8740,7 +8727,7 @@ SPSI_COLD int spsi_halving(int fine, int coarse, int i, float shares[3]) {
     return first;
 }
 
-/* Fills one texel of a level from the level before, three planes of it. */
+/* Box-filters one texel of a mip level. */
 static void spsi_image_halve_texel(const spsi_image *image, int level, int x, int y) {
     const size_t from_pitch = (size_t)image->width[level - 1], pitch = (size_t)image->width[level];
     const size_t from_plane = from_pitch * (size_t)image->height[level - 1];
@@ -8760,7 +8747,6 @@ static void spsi_image_halve_texel(const spsi_image *image, int level, int x, in
     }
 }
 
-/* Reads the images of all lights. */
 SPSI_COLD sps_result spsi_gather_images(sps_context *context, const spsi_frame *frame) {
     const uint64_t floats = spsi_images_lay_out(frame, NULL);
     if (frame->lights.image_count == 0) return SPS_OK;
@@ -8782,8 +8768,7 @@ SPSI_COLD sps_result spsi_gather_images(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Whether any of a vector of lookups may find something: where pixels have `size` texels, the image ends less than
-   twice that beyond its edges. */
+/* True if any lane may hit the image, which fades out within 2 `size` texels of its edges. */
 static int spsi_image_meets(const spsi_image *image, spsi_v x, spsi_v y, spsi_v size) {
     const spsi_v margin = spsi_add(spsi_max(size, spsi_set(1)), size), before = spsi_sub(spsi_set(0), margin);
     const spsi_v after_x = spsi_add(margin, spsi_set((float)image->width[0]));
@@ -8792,7 +8777,7 @@ static int spsi_image_meets(const spsi_image *image, spsi_v x, spsi_v y, spsi_v 
                               spsi_and(spsi_less(before, y), spsi_less(y, after_y)))) != 0;
 }
 
-/* Color of an image at texel (x, y) of its largest level, as seen by pixels of `size` texels. */
+/* Color at texel (x, y) of level 0, for pixels of `size` texels. */
 static void spsi_image_lookup(const spsi_image *image, spsi_v x, spsi_v y, spsi_v size, spsi_v rgb[3]) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f);
     rgb[0] = rgb[1] = rgb[2] = zero;
@@ -8802,7 +8787,7 @@ static void spsi_image_lookup(const spsi_image *image, spsi_v x, spsi_v y, spsi_
         const float scale_x = (float)(width - 2) / (float)(image->width[0] - 2);
         const float scale_y = (float)(height - 2) / (float)(image->height[0] - 2);
         const float *edge = &image->edge[level];
-        /* shares of levels: linear in size from one's edge to the next */
+        /* linear in size between the neighbour levels' edges */
         spsi_v before = one, after = one, share, u, v;
         if (level > 0) before = spsi_mul(spsi_sub(size, spsi_set(edge[-1])), spsi_set(1 / (edge[0] - edge[-1])));
         if (level + 1 < image->level_count)
@@ -8818,8 +8803,7 @@ static void spsi_image_lookup(const spsi_image *image, spsi_v x, spsi_v y, spsi_
     }
 }
 
-/* Color that a light's image has at places in the light's frame, as seen by pixels of world size `pixel`. Nothing is
-   thrown backwards. */
+/* Projected color at places in the light's frame, for pixels of world size `pixel`. Black behind the light. */
 static void spsi_projection_lookup(const spsi_frame *frame, const spsi_light *light, const spsi_v place[3],
                                    spsi_v pixel, spsi_v rgb[3]) {
     const spsi_projection *projection = &light->projection;
@@ -8841,7 +8825,6 @@ static void spsi_projection_lookup(const spsi_frame *frame, const spsi_light *li
     for (int c = 0; c < 3; ++c) rgb[c] = spsi_select(ahead, rgb[c], spsi_set(0));
 }
 
-/* The same for one point. */
 static void spsi_projection_at(const spsi_frame *frame, const spsi_light *light, const double point[3], double pixel,
                                double rgb[3]) {
     double offset[3], at[3];
@@ -8854,42 +8837,40 @@ static void spsi_projection_at(const spsi_frame *frame, const spsi_light *light,
 }
 
 /* ============================================================================================ >>depthmaps
-   17 Polygons as gas sees them between itself and a light. Cost: the rasteriser's, and 12 bytes per texel; six faces
+   17 Depth maps: polygons between the medium and a light. Cost: the rasteriser's, plus 12 bytes per texel; six faces
    have 1.5 times the texels of one. */
 
-#define SPSI_CELL      16 /* texels along a side of a depth map's cell */
-#define SPSI_STEEP 1024 /* maximum rise of a depth map's planes from texel to texel, in texels */
+#define SPSI_CELL      16 /* texels along a side of a cell */
+#define SPSI_STEEP 1024 /* maximum slope of a plane, in texels per texel */
 
-/* For each texel, the plane of the polygon nearest to the light, which is evaluated on the gas's own ray. So a plane
-   shades nothing in front of it, however slanted it is; the texel size shows only at a polygon's edge. */
+/* Per texel, the plane of the polygon nearest to the light, evaluated on the medium's own ray. A plane shades nothing
+   in front of it, however slanted. Texels show only at polygon edges. */
 typedef struct spsi_depth_map {
-    int face_count; /* 0: no polygon reaches into it; 1; 6 for a point light amid the gas */
+    int face_count; /* 0: no polygon; 6: a point light within the medium; else 1 */
     spsi_rays rays[SPSI_CUBE_FACES];
     float *depths[SPSI_CUBE_FACES];    /* at texel centres, t - depth_reference; infinity: no polygon */
-    float *slopes[SPSI_CUBE_FACES][2]; /* rise of the plane from texel to texel along x and y */
-    float *nearest[SPSI_CUBE_FACES];   /* per cell: minimum depth in it and the cells around it; then in it alone */
+    float *slopes[SPSI_CUBE_FACES][2]; /* change of depth per texel along x and y */
+    float *nearest[SPSI_CUBE_FACES];   /* minimum depth per cell and its neighbours; then per cell alone */
     int cells[SPSI_CUBE_FACES];        /* per row */
-    /* ray coordinates of the map along the eye's rays; t is relative to the map's depth reference */
+    /* map coordinates along the eye's rays; t is relative to the map's depth reference */
     spsi_linear along[SPSI_CUBE_FACES][3];
 } spsi_depth_map;
 
-/* Texels on a side of a light's depth map: finer than the light's sheets where the quality says so, since it is
-   cheap. */
+/* Texels on a side of a depth map: may exceed the light's sheets, since it is cheap. */
 SPSI_COLD int spsi_depth_map_size(const spsi_frame *frame) {
     return spsi_imax(8, spsi_imax(frame->view.shadow_resolution, frame->accuracy.depth_map_texels));
 }
 
-/* Number of cells on a side of a map of `size` texels. */
 static int spsi_depth_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
 
-/* Its maximum for a map of `size` texels on a side, or six of half that size. */
+/* Maximum for a face of `size` texels on a side, or six of half that size. */
 SPSI_COLD size_t spsi_depth_map_floats_most(size_t size) {
     const size_t cells = size / SPSI_CELL + 2, texels = size * size / 2 * 3 + SPSI_CUBE_FACES * 64;
     return 3 * texels + 2 * SPSI_CUBE_FACES * cells * cells;
 }
 
-/* Lays out a depth map in memory, or counts only, and returns its floats. `first`: where a map of panes lists what
-   begins where; NULL: it is none. */
+/* Lays out a depth map in memory (NULL: only counts), and returns its floats. `first`: list starts of a translucency
+   map, or NULL. */
 SPSI_COLD size_t spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, float *memory) {
     uint64_t laid = 0;
     for (int face = 0; face < map->face_count; ++face) {
@@ -8904,29 +8885,28 @@ SPSI_COLD size_t spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, f
     return (size_t)laid;
 }
 
-/* Aims a light's depth map: a single face fitted to the gas, however far the polygons reach, whose texels need not be
-   finer than `texel`, or six where a point light does not see all gas within a cone. */
+/* Fits one face to the medium, with texels of up to `texel`; six if no cone from a point light covers the medium. */
 SPSI_COLD void spsi_depth_map_aim(const spsi_frame *frame, const spsi_light *light, int size, double texel,
                                   spsi_depth_map *map) {
     map->face_count = 1;
     if (spsi_rays_fit(light, &frame->content->bounds, texel, texel > 0 ? 0 : size, size, &map->rays[0])) return;
     map->face_count = SPSI_CUBE_FACES;
-    for (int face = 0; face < SPSI_CUBE_FACES; ++face) /* they overlap by a texel */
+    for (int face = 0; face < SPSI_CUBE_FACES; ++face) /* overlapping by a texel */
         spsi_rays_of_cube_face(light->position, face, spsi_imax(8, size / 2), 1, &map->rays[face]);
 }
 
 /* --- filling a depth map --- */
 
-/* The plane of a translucent face at a texel. */
+/* A translucent face's plane at a texel. */
 typedef struct spsi_translucent_plane {
-    float depth, slope[2]; /* as those of a depth map */
+    float depth, slope[2]; /* see spsi_depth_map */
     int face;
 } spsi_translucent_plane;
 
-/* All translucent faces on each texel's ray, as gas sees them between itself and a point of a light. */
+/* All translucent faces on each texel's ray. */
 typedef struct spsi_translucency_map {
-    spsi_depth_map grid;              /* without depths and slopes; `nearest` is that of the panes */
-    uint32_t *first[SPSI_CUBE_FACES]; /* per texel: its first pane */
+    spsi_depth_map grid;              /* only `nearest` is used: that of translucent planes */
+    uint32_t *first[SPSI_CUBE_FACES]; /* per texel: start in `list` */
     spsi_translucent_plane *list[SPSI_CUBE_FACES];
     size_t counts[SPSI_CUBE_FACES];
 } spsi_translucency_map;
@@ -8935,19 +8915,19 @@ typedef struct spsi_planes_job {
     const spsi_faces *faces;
     const spsi_depth_map *map;
     int face;
-    const spsi_translucency_map *translucent; /* the map is its grid; NULL: it is of opaque polygons */
+    const spsi_translucency_map *translucent; /* its grid is `map`; NULL: opaque polygons */
     const spsi_fragment *fragments;
 } spsi_planes_job;
 
-/* A plane as a depth map's rays meet it. With n its normal and r a texel's ray, t changes by -(n.a) / (n.r) from texel
-   to texel, times t itself in perspective. */
+/* A plane on a depth map's rays. With normal n and a texel's ray r, t changes by -(n.a) / (n.r) per texel, times t in
+   perspective. */
 typedef struct spsi_map_plane {
     const spsi_faces *faces;
     const spsi_rays *rays;
-    int number;       /* of its face; -1: none */
-    double a, b;      /* n.a and n.b, with the rays' steps from texel to texel */
+    int number;       /* its face; -1: none */
+    double a, b;      /* n.a and n.b */
     double normal[3]; /* n */
-    double texel;     /* size of a step */
+    double texel;     /* texel step */
 } spsi_map_plane;
 
 static void spsi_map_plane_build(spsi_map_plane *plane, int number) {
@@ -8958,14 +8938,13 @@ static void spsi_map_plane_build(spsi_map_plane *plane, int number) {
     plane->number = number;
 }
 
-/* The slope -t (n.a) / (n.r), clamped where the ray grazes the plane. */
+/* The slope -t (n.a) / (n.r), clamped at grazing rays. */
 static float spsi_map_slope(double across, double facing, double t, double steepest) {
     const double slope = -t * across / facing;
     return (float)(slope >= -steepest && slope <= steepest ? slope : slope > 0 ? steepest : -steepest);
 }
 
-/* The slopes of a face's plane at a texel where it has this depth. Lowers the texel's cell, of a row of them, to the
-   minimum that it reaches within a texel. */
+/* Slopes of a face's plane at a texel of this depth. Lowers the texel's cell to the plane's minimum within a texel. */
 static void spsi_map_plane_slopes(spsi_map_plane *plane, int number, int x, int y, float depth, float slope[2],
                                   float *cells) {
     double ray[3], facing, t = 1;
@@ -8978,8 +8957,8 @@ static void spsi_map_plane_slopes(spsi_map_plane *plane, int number, int x, int 
     cells[x / SPSI_CELL] = spsi_fmin(cells[x / SPSI_CELL], depth - fabsf(slope[0]) - fabsf(slope[1]));
 }
 
-/* Turns the fragments of one row of texels into panes, or replaces the face numbers that the rasteriser left there by
-   the slopes of their planes. Lowers the row's cells to the minimum that its planes reach within a texel. */
+/* Fills a row of translucent planes from fragments, or replaces the rasteriser's face numbers by slopes. Lowers the
+   row's cells. */
 static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
     const spsi_rays *rays = &job->map->rays[job->face];
     const uint32_t *first = job->translucent ? job->translucent->first[job->face] : NULL;
@@ -9003,7 +8982,6 @@ static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
     }
 }
 
-/* Fills one row of cells. */
 static void spsi_planes_task(void *data, int index) {
     const spsi_planes_job *job = (const spsi_planes_job *)data;
     const int columns = job->map->cells[job->face], height = job->map->rays[job->face].height;
@@ -9012,7 +8990,7 @@ static void spsi_planes_task(void *data, int index) {
     for (int y = index * SPSI_CELL; y < spsi_imin(height, (index + 1) * SPSI_CELL); ++y) spsi_planes_row(job, y, cells);
 }
 
-/* Finds the minimum depths about each of a grid's cells from those in each alone, which follow. */
+/* Minimum depths of each cell and its neighbours, from the cells alone, which follow. */
 static void spsi_cells_spread(float *nearest, int columns, int rows) {
     const float *alone = nearest + (size_t)columns * (size_t)rows;
     for (int y = 0; y < rows; ++y)
@@ -9025,14 +9003,14 @@ static void spsi_cells_spread(float *nearest, int columns, int rows) {
         }
 }
 
-/* Fills a face's planes, given what the rasteriser left there, and its cells. */
+/* Replaces a face's rasterised numbers by planes, and fills its cells. */
 static void spsi_planes_fill(sps_context *context, spsi_planes_job *job) {
     const int rows = spsi_depth_map_cells(job->map->rays[job->face].height);
     spsi_parallel_items(context, rows, spsi_planes_task, job);
     spsi_cells_spread(job->map->nearest[job->face], job->map->cells[job->face], rows);
 }
 
-/* Whether an opaque polygon may reach into the map: most do, so that the first one mostly tells. */
+/* True if an opaque polygon may reach into the map; mostly the first one decides. */
 SPSI_COLD int spsi_depth_map_met(const spsi_faces *faces, const spsi_depth_map *map) {
     for (int i = 0; i < faces->count; ++i)
         for (int face = 0; face < map->face_count && !spsi_face_is_translucent(&faces->list[i]); ++face) {
@@ -9053,14 +9031,14 @@ SPSI_COLD void spsi_depth_map_follow(const spsi_rays *eye, spsi_depth_map *map) 
                               i == 2 ? -map->rays[face].depth_reference : 0, &map->along[face][i]);
 }
 
-/* Ways from d[0] to d[1] along the eye's rays, on a face of a depth map. */
+/* Segments d[0]..d[1] of the eye's rays, projected onto a face of a depth map. */
 typedef struct spsi_map_segment {
-    spsi_v middle[3], rise[3]; /* texel and depth of its middle, relative to the first texel, and half its extent */
-    spsi_v first[2];           /* column and row of the first of the four texels around it */
-    spsi_m inside;             /* of what the face sees */
+    spsi_v middle[3], rise[3]; /* middle, relative to texel `first`, and half the extent */
+    spsi_v first[2];           /* first of the four texels around the middle */
+    spsi_m inside;             /* lanes on the face */
 } spsi_map_segment;
 
-/* Texels and depths of the ends of ways, and their distances from a point light along the face's axis. */
+/* Texels and depths of segments' ends; t: distances from a point light along the face's axis. */
 static inline void spsi_map_ends(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
                                  spsi_v q[2][3], spsi_v t[2]) {
     const spsi_rays *rays = &map->rays[face];
@@ -9074,7 +9052,7 @@ static inline void spsi_map_ends(const spsi_depth_map *map, int face, spsi_v at,
     }
 }
 
-/* Finds the four texels around a way's middle, which is moved onto the grid. */
+/* Clamps a segment's middle to the grid, and finds the four texels around it. */
 static inline void spsi_map_segment_place(const spsi_rays *rays, spsi_map_segment *way) {
     for (int i = 0; i < 2; ++i) {
         const float last = (float)(i == 0 ? rays->width - 1 : rays->height - 1);
@@ -9101,9 +9079,9 @@ static inline void spsi_map_segment_build(const spsi_depth_map *map, int face, s
     spsi_map_segment_place(rays, way);
 }
 
-/* The share of a way that lies before a plane: that of the i-th of the four texels. How far a point is in front of it
-   is linear along the way: `ahead` in its middle, and `per` more or less at either end. In perspective a plane of slope
-   g reaches g / (1 - g / t) beyond the texel's own depth t. */
+/* Fraction of a segment in front of the plane of the i-th of four texels. The distance to the plane is linear: `ahead`
+   in the middle, and `per` more or less at the ends. In perspective, a plane of slope g rises by g / (1 - g / t) from
+   the texel's depth t. */
 static inline spsi_v spsi_map_segment_fraction(const spsi_map_segment *way, const spsi_rays *rays, int i, spsi_v depth,
                                                const spsi_v slope[2]) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f),
@@ -9118,13 +9096,13 @@ static inline spsi_v spsi_map_segment_fraction(const spsi_map_segment *way, cons
     return spsi_clamp(spsi_fma(half, spsi_div(ahead, spsi_max(per, spsi_set(FLT_MIN * 16))), half), zero, one);
 }
 
-/* The mean of four texels' values, by their distance. */
+/* Bilinear interpolation of four texels. */
 static inline spsi_v spsi_map_segment_mean(const spsi_map_segment *way, const spsi_v texels[4]) {
     return spsi_mix(spsi_mix(texels[0], texels[1], way->middle[0]), spsi_mix(texels[2], texels[3], way->middle[0]),
                     way->middle[1]);
 }
 
-/* The share of a way that one face of a depth map leaves lit; 1 outside of its grid. */
+/* Fraction of a segment that a face leaves lit; 1 outside of its grid. */
 static inline spsi_v spsi_depth_map_fraction(const spsi_depth_map *map, int face, spsi_v at, float y,
                                              const spsi_v d[2]) {
     const spsi_rays *rays = &map->rays[face];
@@ -9141,9 +9119,8 @@ static inline spsi_v spsi_depth_map_fraction(const spsi_depth_map *map, int face
     return spsi_select(way.inside, spsi_map_segment_mean(&way, share), spsi_set(1));
 }
 
-/* The lanes whose ways from d[0] to d[1] a face of a depth map may shade, as bits: one lookup of a cell, which spares
-   most slabs the lookups of four texels' planes. It cannot tell of ways in *wide, whose ends do not both lie within a
-   cell of the middle's, or lie before and behind the light. */
+/* Mask of lanes whose segments a face may shade: one cell lookup, which spares most slabs four texels' planes.
+   Undecided in *wide: ends too far from the middle's cell, or on both sides of the light. */
 static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
                                           int *wide) {
     const spsi_rays *rays = &map->rays[face];
@@ -9151,7 +9128,7 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, s
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), near_t = spsi_set(FLT_MIN * 16);
     spsi_v q[2][3], t[2], cell[2];
     spsi_map_ends(map, face, at, y, d, q, t);
-    /* bits of lanes that miss the face, and whose ends lie on both sides of the light */
+    /* masks of lanes that miss the face, and that lie on both sides of the light */
     int clear = spsi_bits(spsi_less(spsi_max(t[0], t[1]), near_t));
     const int crossing = spsi_bits(spsi_less(spsi_min(t[0], t[1]), near_t));
     *wide = crossing;
@@ -9167,8 +9144,7 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, s
                                         spsi_max(q[0][2], q[1][2])));
 }
 
-/* Whether a face of a depth map may shade any of the ways from d[0] to d[1]. Wide ones, those of thick slabs, are
-   looked at in parts. */
+/* True if a face may shade any segment. Wide ones, from thick slabs, are tested in parts. */
 static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2]) {
     const int parts = 4;
     const spsi_v step = spsi_mul(spsi_sub(d[1], d[0]), spsi_set(1 / (float)parts));
@@ -9184,7 +9160,7 @@ static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, 
 
 /* --- translucent polygons --- */
 
-/* The panes of one face of a map: counts them (listing 0) or lists them. */
+/* Counts (listing 0) or lists a face's translucent planes. */
 SPSI_COLD void spsi_translucent_planes_raster(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                               spsi_translucency_map *map, int face, int listing) {
     spsi_layers_job job;
@@ -9203,7 +9179,7 @@ SPSI_COLD void spsi_translucent_planes_raster(sps_context *context, const spsi_f
         map->counts[face] = spsi_fragments_count(context, &job);
 }
 
-/* Lists the panes of a map, whose fragments have been counted. */
+/* Lists all planes of a map whose fragments have been counted. */
 SPSI_COLD void spsi_translucency_map_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                           spsi_translucency_map *map) {
     spsi_planes_job job = {faces, &map->grid, 0, map, NULL};
@@ -9214,7 +9190,7 @@ SPSI_COLD void spsi_translucency_map_fill(sps_context *context, const spsi_frame
     }
 }
 
-/* The middle is projected, and the extent along with it, to first order: either end may be beyond the face. */
+/* Projects the middle and, to first order, the extent, since either end may miss the face. */
 static void spsi_translucent_segment_build(const spsi_translucency_map *map, int face, spsi_v at, float y,
                                            const spsi_v d[2], spsi_map_segment *way) {
     const spsi_rays *rays = &map->grid.rays[face];
@@ -9233,12 +9209,12 @@ static void spsi_translucent_segment_build(const spsi_translucency_map *map, int
     spsi_map_segment_place(rays, way);
 }
 
-/* The n-th panes of a vector of texels, and what they let pass by color. */
+/* The n-th planes of a vector of texels, and their color transmittance. */
 typedef struct spsi_translucent_planes {
     float depth[SPSI_LANES], slope[2][SPSI_LANES], passes[3][SPSI_LANES];
 } spsi_translucent_planes;
 
-/* Finds them in the i-th texels around ways; where there are fewer, panes behind all. Returns 0 if all have fewer. */
+/* Finds them at the i-th texels around segments; missing ones are infinitely far. Returns 0 if all are missing. */
 static int spsi_translucent_planes_find(const spsi_translucency_map *map, int face, const spsi_faces *faces,
                                         const spsi_map_segment *way, int i, uint32_t n,
                                         spsi_translucent_planes *translucent) {
@@ -9261,7 +9237,7 @@ static int spsi_translucent_planes_find(const spsi_translucency_map *map, int fa
     return any;
 }
 
-/* What the panes of the four texels around ways let pass, by color: each filters the share of the way behind it. */
+/* Transmittance of the four texels' translucent planes: each filters the fraction of the segment behind it. */
 static void spsi_translucent_transmittance(const spsi_translucency_map *map, int face, const spsi_faces *faces,
                                            const spsi_map_segment *way, spsi_v through[3]) {
     const spsi_v one = spsi_set(1);
@@ -9281,8 +9257,8 @@ static void spsi_translucent_transmittance(const spsi_translucency_map *map, int
     for (int c = 0; c < 3; ++c) through[c] = spsi_map_segment_mean(way, texels[c]);
 }
 
-/* What translucent polygons let pass from a point of a light to the ways from d[0] to d[1], by color. Of six faces, the
-   one that a way's middle is farthest along has it. */
+/* Color transmittance of translucent polygons between a light's point and segments. Uses the cube face along whose axis
+   the middle is farthest. */
 static void spsi_translucency_map_filter(const spsi_translucency_map *map, const spsi_faces *faces, spsi_v at, float y,
                                          const spsi_v d[2], spsi_v filter[3]) {
     const spsi_v middle = spsi_mul(spsi_set(0.5f), spsi_add(d[0], d[1]));
@@ -9308,58 +9284,56 @@ static void spsi_translucency_map_filter(const spsi_translucency_map *map, const
 }
 
 /* ================================================================================================ >>spheres
-   18 Particles as a set of rays sees them. The ray with direction e meets a ball of radius r about C in a chord about
-   t = C.e / e.e, of half length sqrt(1 - d^2) r, where d r = |C x e| / |e|. All of this is relative to the ball's own
-   centre, in pixels and in t, which makes it short polynomials without differences of large numbers, so floats suffice.
-   Balls that contain the rays' origin, or are close to it, are intersected one ray at a time. Cost: 15 operations per
-   vector of pixels. */
+   18 Particles as spheres. A ray of direction e meets a sphere of radius r about C in a chord. Its middle is t = C.e /
+   e.e and its half length sqrt(1 - d^2) r, where d r = |C x e| / |e|. Relative to the sphere's centre these are short
+   polynomials in pixels and t, which are precise in floats. Spheres near or around the rays' origin are intersected one
+   ray at a time. Cost: 15 operations per vector of pixels. */
 
-/* A ball is near if it is within SPSI_SPHERE_NEAR radii of the origin's plane, or if the cosine between its rays and
-   the axis is below SPSI_SPHERE_ASIDE, since pixels are stretched there. */
+/* A sphere is near if it is within SPSI_SPHERE_NEAR radii of the origin's plane. Also if the cosine to the axis is
+   below SPSI_SPHERE_ASIDE, where pixels are stretched. */
 #define SPSI_SPHERE_NEAR  4.0
 #define SPSI_SPHERE_ASIDE 0.05
-#define SPSI_SPHERE_LEAST 0.75 /* minimum radius in pixels; a smaller ball could fall between rays */
+#define SPSI_SPHERE_LEAST 0.75 /* minimum radius in pixels; smaller spheres could fall between rays */
 
-/* Radii in pixels from which on chords alone keep a ball's mass: in pictures to 2 %, where rims lie anywhere. */
+/* Radii in pixels above which chords alone conserve a sphere's mass, in images to 2 %. */
 #define SPSI_SPHERE_COARSE       4.0
 #define SPSI_SPHERE_COARSE_LIGHT 1.5
 
-/* A ball, with (dx, dy) a pixel's offset from the centre's, e its ray and c the centre's ray. With p = tilt . (dx, dy)
-   and q = bend[0] dx^2 + 2 bend[1] dx dy + bend[2] dy^2, e.e / c.c = 1 + 2p + q in perspective. */
+/* A sphere, with (dx, dy) a pixel's offset from the centre, e its ray and c the centre's. With p = tilt . (dx, dy) and
+   q = bend[0] dx^2 + 2 bend[1] dx dy + bend[2] dy^2, e.e / c.c = 1 + 2p + q in perspective. */
 typedef struct spsi_sphere {
-    int x0, y0, x1, y1; /* pixels that it may cover, inclusive; x1 < x0: none */
-    float x, y;         /* pixel of its centre, relative to (x0, y0) */
-    float t;            /* t - depth_reference of its centre */
+    int x0, y0, x1, y1; /* bounding box in pixels, inclusive; x1 < x0: empty */
+    float x, y;         /* centre, relative to (x0, y0) */
+    float t;            /* centre, t - depth_reference */
     float radius;       /* in t, at the centre */
     float cross[3];     /* d^2 e.e / c.c = cross[0] dx^2 + 2 cross[1] dx dy + cross[2] dy^2 */
-    float tilt[2];      /* coefficients of p */
-    float bend[3];      /* coefficients of q; 0 without perspective */
-    float shift;        /* the chord's middle lies shift (p + q) / (e.e / c.c) behind the centre */
-    float depth;        /* optical depth along the diameter */
+    float tilt[2];      /* for p */
+    float bend[3];      /* for q; 0 without perspective */
+    float shift;        /* the chord's middle is shift (p + q) / (e.e / c.c) behind the centre */
+    float depth;        /* optical depth of the diameter */
     int soft;           /* 1: densest in the middle */
-    float offset[3];    /* of the centre from the rays' origin */
-    int near_by;        /* 1: near the rays' origin, so intersected one ray at a time */
-    float world_radius; /* of a near ball */
+    float offset[3];    /* centre, from the rays' origin */
+    int near_by;        /* 1: intersected one ray at a time */
+    float world_radius; /* if near */
 } spsi_sphere;
 
-/* The chords in which a vector of rays meets a ball. */
+/* Chords of a vector of rays. */
 typedef struct spsi_chord {
-    spsi_v middle; /* t - depth_reference of the chord's middle */
-    spsi_v half;   /* half its length, in t */
-    spsi_v share;  /* half its length per radius; 0: missed */
+    spsi_v middle; /* t - depth_reference */
+    spsi_v half;   /* half length in t */
+    spsi_v share;  /* half length per radius; 0: missed */
 } spsi_chord;
 
-/* Distance of a point along the rays, in t; the same for all faces of a cube. 1 where pixels have the same size
-   everywhere. */
+/* Distance along the rays, in t, equal for all faces of a cube; 1 without perspective. */
 static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
     if (!rays->perspective) return 1;
     if (rays->is_cube_face) return spsi_dmax(fabs(offset[0]), spsi_dmax(fabs(offset[1]), fabs(offset[2])));
     return spsi_dmax(spsi_dot(rays->inverse[2], offset), 0);
 }
 
-/* Optical depth of a ball that is widened until its own area is a share of its new one: it stops as much light as
-   before. A ball lets pass f^-2 of the light on its outline, or f^-2/3 if soft. f is a fit: within 1 % of what an even
-   ball stops, 1 - 2 (1 - (1 + d) e^-d) / d^2, and within 2 % of what a soft one does. */
+/* Optical depth of a sphere widened until its own area is a fraction of the new one, with equal total absorption. The
+   outline's transmittance is fitted by f^-2, or f^-2/3 if soft. The fit is within 1 % of a homogeneous sphere, 1 - 2 (1
+   - (1 + d) e^-d) / d^2, and 2 % of a soft one. */
 static double spsi_sphere_widen(double depth, int soft, double share) {
     const double a = soft ? 0.6 : 1.0 / 3, b = soft ? 0.566 : 0.374, c = soft ? 3.6 : 7;
     const double f = 1 + depth * (a + b * depth / (depth + c)), passes = 1 / (soft ? cbrt(f * f) : f * f);
@@ -9369,12 +9343,12 @@ static double spsi_sphere_widen(double depth, int soft, double share) {
     return spsi_dmin(share * depth, c * wide / (half + sqrt(half * half + (a + b) * c * wide)));
 }
 
-/* A particle's radius, raised to the minimum that pixels allow. `offset`: of its centre from the rays' origin. */
+/* Radius, raised to the pixels' minimum. `offset`: centre from the rays' origin. */
 static double spsi_sphere_radius(const spsi_rays *rays, const sps_particle *particle, const double offset[3]) {
     return spsi_dmax((double)particle->radius, SPSI_SPHERE_LEAST * rays->pixel * spsi_distance_to(rays, offset));
 }
 
-/* Sets the optical depth of a ball that is widened to a radius. Below 1e-3 it falls as the area grows, within 4e-4. */
+/* Sets the optical depth of a sphere widened to `radius`. Below 1e-3 it falls with area, within 4e-4. */
 static void spsi_sphere_dilute(const spsi_particle_set *set, const sps_particle *particle, double radius,
                                spsi_sphere *sphere) {
     const double own = (double)particle->radius, share = own < radius ? (own / radius) * (own / radius) : 1;
@@ -9384,25 +9358,24 @@ static void spsi_sphere_dilute(const spsi_particle_set *set, const sps_particle 
     sphere->soft = set->soft;
 }
 
-/* The outline of a ball: a dx^2 + 2 b dx dy + c dy^2 - 2 d dx - 2 e dy = 1. */
+/* A sphere's outline: a dx^2 + 2 b dx dy + c dy^2 - 2 d dx - 2 e dy = 1. */
 typedef struct spsi_outline {
     double a, b, c, d, e;
 } spsi_outline;
 
-/* Range of pixels, of `size`, that lie within the outline along dx. */
+/* Range of pixels in the outline along dx, within 0 .. size - 1. */
 static void spsi_outline_range(const spsi_outline *outline, double centre, int size, int *first, int *last) {
     const double a = outline->a, b = outline->b, c = outline->c, d = outline->d, e = outline->e;
     const double square = a * c - b * b, half = c * d - b * e;
     const double root = sqrt(spsi_dmax(half * half + square * (e * e + c), 0));
     *first = 0;
     *last = size - 1;
-    if (!(square > 1e-12 * a * c) || !(a > 0)) return; /* not an ellipse: the eye's plane cuts it */
+    if (!(square > 1e-12 * a * c) || !(a > 0)) return; /* the eye's plane cuts the sphere */
     *first = (int)spsi_dmin(spsi_dmax(ceil(centre + (half - root) / square), 0), size);
     *last = (int)spsi_dmax(spsi_dmin(floor(centre + (half + root) / square), size - 1), -1);
 }
 
-/* Fills in what depends on the direction of the rays. `c`: the ray's direction at the centre; q: the centre's pixel and
-   t. */
+/* Sets all that depends on rays. `c`: ray through the centre; `q`: its pixel and t. */
 static void spsi_sphere_shape(const spsi_rays *rays, const double c[3], const double q[3], double radius,
                               spsi_sphere *sphere) {
     const double per_square = 1 / spsi_dot(c, c), t = rays->perspective ? q[2] : 1;
@@ -9434,9 +9407,9 @@ static void spsi_sphere_shape(const spsi_rays *rays, const double c[3], const do
     sphere->radius = (float)(radius * sqrt(per_square));
 }
 
-/* Range of pixels along one axis between the two planes through the rays' origin that touch a ball: x solves
-   (X - x T)^2 = r^2 |across - x along|^2. A ball that reaches behind the origin is bounded on one side only; one that
-   contains the planes' common line is not bounded at all. */
+/* Range of pixels between the two tangent planes through the rays' origin: x solves (X - x T)^2 = r^2 |across - x
+   along|^2. A sphere that reaches behind the origin is bounded on one side only. It is unbounded if it contains the
+   planes' common line. */
 static void spsi_sphere_near_range(const double across[3], const double along[3], const double offset[3], double radius,
                                    int size, int *first, int *last) {
     const double x = spsi_dot(across, offset), t = spsi_dot(along, offset), square = radius * radius;
@@ -9450,7 +9423,7 @@ static void spsi_sphere_near_range(const double across[3], const double along[3]
     if (a > 0 || !(x - b / a * t > 0)) *last = (int)spsi_dmax(spsi_dmin(floor(a > 0 ? high : low), size - 1), -1);
 }
 
-/* Returns the radius in the world, raised to the minimum. */
+/* Returns the world radius, raised to the minimum. */
 static double spsi_sphere_build(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
                                 spsi_sphere *sphere) {
     double centre[3], offset[3], q[3], c[3], radius, ahead;
@@ -9461,7 +9434,7 @@ static double spsi_sphere_build(const spsi_rays *rays, const spsi_particle_set *
     radius = spsi_sphere_radius(rays, particle, offset);
     spsi_sphere_dilute(set, particle, radius, sphere);
     sphere->x1 = sphere->y1 = -1;
-    ahead = q[2] / rays->per_length; /* distance from the origin's plane, in the world */
+    ahead = q[2] / rays->per_length; /* distance from the origin's plane */
     if (!(sphere->depth > 0) || !(radius > 0) || (rays->perspective && !(ahead > -radius))) return radius;
     sphere->near_by =
         rays->perspective && !(ahead > SPSI_SPHERE_NEAR * radius && ahead > SPSI_SPHERE_ASIDE * spsi_length(offset));
@@ -9482,7 +9455,7 @@ static double spsi_sphere_build(const spsi_rays *rays, const spsi_particle_set *
     return radius;
 }
 
-/* Intersects one ray with a near ball; returns 0 if it misses. The chord is as in spsi_chord. */
+/* Intersects one ray with a near sphere; the chord is as in spsi_chord. Returns 0 if it misses. */
 static int spsi_sphere_meets(const spsi_rays *rays, const spsi_sphere *sphere, int x, int y, double chord[3]) {
     const double radius = (double)sphere->world_radius;
     double centre[3], e[3], nearest[3], square, middle, share;
@@ -9490,7 +9463,7 @@ static int spsi_sphere_meets(const spsi_rays *rays, const spsi_sphere *sphere, i
     spsi_ray_direction(rays, x, y, e);
     square = spsi_dot(e, e);
     middle = spsi_dot(centre, e) / square;
-    spsi_along(centre, e, -middle, nearest); /* from the ray's nearest point: avoids a difference of large squares */
+    spsi_along(centre, e, -middle, nearest); /* from the ray's nearest point: avoids cancellation */
     share = 1 - spsi_dot(nearest, nearest) / (radius * radius);
     if (!(share > 0)) return 0;
     share = sqrt(share);
@@ -9512,8 +9485,7 @@ static void spsi_sphere_chord_near(const spsi_rays *rays, const spsi_sphere *sph
     chord->share = spsi_load(lanes[2]);
 }
 
-/* The chords of a vector of rays, given by the places of their pixels from a distant ball's centre. They also hold
-   outside of x0 .. x1, wherever there is a ray. */
+/* Chords at pixel offsets from a distant sphere's centre. Also valid outside of its box. */
 static inline void spsi_sphere_chord_far(const spsi_rays *rays, const spsi_sphere *sphere, spsi_v dx, spsi_v dy,
                                          spsi_chord *chord) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0), twice = spsi_add(dy, dy), down = spsi_mul(dy, dy);
@@ -9530,13 +9502,11 @@ static inline void spsi_sphere_chord_far(const spsi_rays *rays, const spsi_spher
         spsi_fma(spsi_mul(spsi_add(p, q), spsi_set(sphere->shift)), spsi_mul(root, root), spsi_set(sphere->t));
 }
 
-/* The places of a vector of pixels, from (x, y) on, from a distant ball's centre. */
 static inline void spsi_sphere_offsets(const spsi_sphere *sphere, int x, int y, spsi_v *dx, spsi_v *dy) {
     *dx = spsi_add(spsi_set((float)(x - sphere->x0) - sphere->x), spsi_iota());
     *dy = spsi_set((float)(y - sphere->y0) - sphere->y);
 }
 
-/* The chords of a vector of pixels' rays, from (x, y) on. */
 static inline void spsi_sphere_chord(const spsi_rays *rays, const spsi_sphere *sphere, int x, int y,
                                      spsi_chord *chord) {
     spsi_v dx, dy;
@@ -9548,21 +9518,20 @@ static inline void spsi_sphere_chord(const spsi_rays *rays, const spsi_sphere *s
     spsi_sphere_chord_far(rays, sphere, dx, dy, chord);
 }
 
-/* Optical depth along a vector of chords: the integral of 1, or of 1 - s^2 for a soft ball, over them. */
+/* Optical depth of chords: the integral of 1, or of 1 - s^2 if soft. */
 static inline spsi_v spsi_chord_depth(const spsi_sphere *sphere, const spsi_chord *chord) {
     const spsi_v depth = spsi_mul(chord->share, spsi_set(sphere->depth));
     return sphere->soft ? spsi_mul(depth, spsi_mul(chord->share, chord->share)) : depth;
 }
 
-/* The share of a chord that lies before position v in it, which is clamped to -1..1. */
+/* Fraction of a chord's mass before position v, clamped to -1..1. */
 static inline spsi_v spsi_chord_fraction(int soft, spsi_v v) {
     const spsi_v half = spsi_set(0.5f), s = spsi_clamp(v, spsi_set(-1), spsi_set(1));
     if (!soft) return spsi_fma(half, s, half);
     return spsi_fma(s, spsi_sub(spsi_set(0.75f), spsi_mul(spsi_set(0.25f), spsi_mul(s, s))), half);
 }
 
-/* Solid angle of a texel of a cube's face, relative to one in its middle; a texel on an edge has only half of its solid
-   angle in the face. */
+/* Solid angle of a cube face's texel, relative to a central one. Edges count half, since two faces share them. */
 static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
     const int edges = (x == 0 || x == rays->width - 1) + (y == 0 || y == rays->height - 1);
     double e[3];
@@ -9570,8 +9539,7 @@ static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
     return pow(spsi_dot(e, e), -1.5) * (edges == 0 ? 1 : edges == 1 ? 0.5 : 0.25);
 }
 
-/* Sum of a ball's chords, each 1 in its middle, over the texels of a box; around a light, texels are weighted by their
-   solid angle. */
+/* Sum of chords, each 1 in the middle, over a box of texels. `round`: weighted by solid angle. */
 static double spsi_sphere_sum(const spsi_rays *rays, const spsi_sphere *sphere, const int box[4], int round) {
     float lanes[SPSI_LANES];
     spsi_v sums = spsi_set(0);
@@ -9588,11 +9556,11 @@ static double spsi_sphere_sum(const spsi_rays *rays, const spsi_sphere *sphere, 
     return spsi_total(sums);
 }
 
-/* Mean of a ball's chords, which are 1 in the middle, over its outline. */
+/* Mean of chords, which are 1 in the middle, over the outline. */
 static double spsi_sphere_mean(const spsi_sphere *sphere) { return sphere->soft ? 2.0 / 5 : 2.0 / 3; }
 
-/* Box of texels that a ball which is not near may cover, also beyond its face's edges: that of an ellipse. Returns the
-   ellipse's area, or 0 where the angle is so grazing that there is none. */
+/* Box of texels around a distant sphere, also beyond its face: an ellipse's. Returns the ellipse's area, or 0 at
+   grazing angles. */
 static double spsi_sphere_box(const spsi_sphere *sphere, int box[4]) {
     const double a = (double)sphere->cross[0], b = (double)sphere->cross[1], c = (double)sphere->cross[2];
     const double square = a * c - b * b, x = sphere->x0 + (double)sphere->x, y = sphere->y0 + (double)sphere->y;
@@ -9605,8 +9573,7 @@ static double spsi_sphere_box(const spsi_sphere *sphere, int box[4]) {
     return SPSI_PI / sqrt(square);
 }
 
-/* Ratio of the sum of a ball's chords in all faces around a light to the exact sum. It is the same for each face that
-   sees the ball, so that there is no seam. */
+/* Sum of a sphere's chords in all cube faces over the exact sum. Equal for all faces, so that there is no seam. */
 static double spsi_sphere_mass_round(const spsi_rays *own, const spsi_rays *faces, const spsi_particle_set *set,
                                      const sps_particle *particle, const spsi_sphere *sphere, const double offset[3]) {
     const double texel = spsi_length(own->a) * spsi_length(offset), radius = spsi_sphere_radius(own, particle, offset);
@@ -9615,7 +9582,7 @@ static double spsi_sphere_mass_round(const spsi_rays *own, const spsi_rays *face
     spsi_sphere other;
     int box[4], alone;
     alone = !sphere->near_by && spsi_sphere_box(sphere, box) > 0;
-    alone = alone && box[0] > 0 && box[1] > 0 && box[2] < last && box[3] < last; /* no other face sees it */
+    alone = alone && box[0] > 0 && box[1] > 0 && box[2] < last && box[3] < last; /* on one face only */
     for (int face = 0; face < SPSI_CUBE_FACES; ++face) {
         const spsi_rays *rays = &faces[face];
         if (alone && rays != own) continue;
@@ -9626,21 +9593,20 @@ static double spsi_sphere_mass_round(const spsi_rays *own, const spsi_rays *face
     return sum * texel * texel / (SPSI_PI * radius * radius * spsi_sphere_mean(sphere));
 }
 
-/* Adjusts the optical depth of a small ball so that its mass is exact wherever its centre lies among the texels: of
-   two thirds of `coarse` texels or less. Chords of `coarse` texels are exact; in between, the two are blended.
-   `faces`: of a cube, in all of which a particle has one mass; NULL: there is only one face. */
+/* Makes a small sphere's mass exact wherever its centre lies among texels. Applies up to radii of 2/3 `coarse` texels,
+   and fades out towards `coarse`. `faces`: a cube, to be counted together; NULL: a single face. */
 static void spsi_sphere_weigh(const spsi_rays *rays, const spsi_rays *faces, double coarse,
                               const spsi_particle_set *set, const sps_particle *particle, spsi_sphere *sphere) {
     double centre[3], offset[3], texel, share, mass;
     int box[4];
-    /* most are much too large: the sum of the inverse squares of the outline's half axes is small */
+    /* most spheres are larger: the sum of inverse squares of the outline's half axes is small */
     if (!sphere->near_by && (double)sphere->cross[0] + (double)sphere->cross[2] < 1 / (coarse * coarse)) return;
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     spsi_along(centre, rays->origin, -1, offset);
     texel = rays->pixel * spsi_distance_to(rays, offset);
     share = 3 - 3 * (double)particle->radius / (coarse * texel);
     if (!(share > 0) || sphere->x1 < sphere->x0 || sphere->y1 < sphere->y0) return;
-    /* a face of too few texels, or a ball as wide as its distance */
+    /* too few texels, or a sphere as wide as its distance */
     if (faces && (rays->width < 3 || !(2 * (double)particle->radius < spsi_length(offset)))) return;
     const double area = faces || sphere->near_by ? 0 : spsi_sphere_box(sphere, box);
     mass = area > 0 ? spsi_sphere_sum(rays, sphere, box, 0) / (area * spsi_sphere_mean(sphere)) : 1;
@@ -9649,32 +9615,30 @@ static void spsi_sphere_weigh(const spsi_rays *rays, const spsi_rays *faces, dou
 }
 
 /* ============================================================================================== >>slicing
-   19 Slabs. They are perpendicular to s = normalise(e + l), where e and l are the directions in which the eye's and the
-   light's rays travel, or to normalise(l - e) where these differ by more than a right angle; |l +- e| >= sqrt 2, so s
-   never degenerates. Light always crosses slabs in the direction of s; in the second case the eye composites back to
-   front. [Zhang & Crawfis, section 4] */
+   19 Slabs. They are perpendicular to s = normalise(e + l), with e and l the directions of the eye's and the light's
+   rays, or to normalise(l - e) beyond a right angle. |l +- e| >= sqrt 2, so s never degenerates. Light crosses slabs
+   along s; in the second case the eye composites back to front. [Zhang & Crawfis, section 4] */
 
-#define SPSI_COSINE_MIN  0.1  /* minimum of a ray with s, which then crosses a slab within 10 times its thickness */
+#define SPSI_COSINE_MIN  0.1  /* minimum of a ray with s, which then crosses a slab within 10 thicknesses */
 #define SPSI_COSINE_EVEN 0.35 /* below this, slabs are halved; the middle ray has 0.71 or more */
-#define SPSI_SLAB_TEXELS 8    /* thickness, in texels, up to which pixels may widen slabs */
+#define SPSI_SLAB_TEXELS 8    /* maximum thickness, in light texels, of slabs widened to pixels */
 
 typedef struct spsi_slabs {
     double normal[3]; /* s */
-    double start;     /* s . p where the first slab begins */
+    double start;     /* s . p of the first slab */
     double thickness;
     int count;
-    int group; /* number of slabs that are shaded at once, a power of 2; the last ones may lie behind all */
-    int wide;  /* 1: thicker than voxels call for, since pixels are wide */
+    int group; /* slabs shaded at once, a power of 2; the last may lie behind everything */
+    int wide;  /* 1: thicker than voxels, since pixels are wide */
 } spsi_slabs;
 
-/* Slab coordinate of a point: its integer part is the number of the slab. */
+/* Slab coordinate of a point; its integer part is the slab's number. */
 static double spsi_slab_at(const spsi_slabs *slabs, const double point[3]) {
     return (spsi_dot(slabs->normal, point) - slabs->start) / slabs->thickness;
 }
 
 static int spsi_chunk_count(const spsi_slabs *slabs) { return (slabs->count + SPSI_CHUNK - 1) / SPSI_CHUNK; }
 
-/* Slab coordinate along rays. */
 SPSI_COLD void spsi_linear_of_slabs(const spsi_rays *rays, const spsi_slabs *slabs, spsi_linear *linear) {
     static const double zero[3] = {0, 0, 0};
     double row[3];
@@ -9683,18 +9647,18 @@ SPSI_COLD void spsi_linear_of_slabs(const spsi_rays *rays, const spsi_slabs *sla
 }
 
 typedef struct spsi_sweep {
-    const spsi_light *light; /* the light whose sheets this sweep has; NULL: none */
-    int first;             /* 1: also carries coverage, ambient light, emission, and all lights without sheets */
+    const spsi_light *light; /* light whose sheets it carries; NULL: none */
+    int first;             /* 1: also carries coverage, ambient light, emission, and lights without sheets */
     int back_to_front;
-    double cosine_of_light, cosine_of_eye; /* minimum of the rays with s */
-    int part[4];                           /* of the image: its first column and row, and those beyond its last */
-    spsi_rays eye;                         /* through its pixels; only their directions are used */
+    double cosine_of_light, cosine_of_eye; /* minimum over rays, with s */
+    int part[4];                           /* of the image: first column and row, and their ends */
+    spsi_rays eye;                         /* through this part; only directions are used */
     spsi_slabs slabs;
-    spsi_rays rays; /* of the light's sheets */
-    int soft;       /* 1: its light's penumbrae are wider than half a texel */
+    spsi_rays rays; /* light texels */
+    int soft;       /* 1: penumbrae exceed half a texel */
 } spsi_sweep;
 
-/* Minimum cosine between s and the rays through a grid's corners. */
+/* Minimum cosine between s and rays through a grid's corners. */
 SPSI_COLD double spsi_cosine_to_corners(const double s[3], const spsi_rays *rays) {
     double least = 1;
     for (int corner = 0; corner < 4; ++corner) {
@@ -9712,7 +9676,7 @@ SPSI_COLD int spsi_bounds_hold(const spsi_bounds *bounds, const double point[3])
     return inside;
 }
 
-/* Minimum cosine between s and the rays from `from` to the corners of `bounds`; -1 if `from` is inside. */
+/* Minimum cosine between s and rays to the corners of `bounds`; -1 from inside. */
 SPSI_COLD double spsi_cosine_to_bounds(const double s[3], const double from[3], const spsi_bounds *bounds) {
     const int inside = spsi_bounds_hold(bounds, from);
     double least = 1;
@@ -9727,16 +9691,16 @@ SPSI_COLD double spsi_cosine_to_bounds(const double s[3], const double from[3], 
 }
 
 /* --- parts of the image ---
-   Where slabs perpendicular to one direction cannot serve all rays of a very wide camera, the image is cut where its
-   rays are perpendicular to its plane, into halves or quarters that have slabs of their own. The rays of a quarter then
-   lie within an octant, and cross slabs perpendicular to their middle at a cosine of 0.25 or more. */
+   One slab direction cannot serve all rays of a very wide camera. The image is cut where its rays are perpendicular to
+   its plane, into halves or quarters with their own slabs. A quarter's rays lie within an octant, and cross slabs about
+   its middle at a cosine of 0.25 or more. */
 
-/* Number of parts of the image. Sweeps with a light's sheets serve all of it. */
+/* Number of parts; sweeps with sheets need the whole image. */
 SPSI_COLD int spsi_subslab_count(const spsi_frame *frame) {
     return frame->lights.sliced_count > 0 ? 1 : frame->content->parts[0] * frame->content->parts[1];
 }
 
-/* The n-th part: its first column and row, and those beyond its last. */
+/* First column and row of the n-th part, and their ends. */
 SPSI_COLD void spsi_subslab_place(const spsi_frame *frame, int n, int part[4]) {
     const spsi_content *content = frame->content;
     const int at[2] = {n % content->parts[0], n / content->parts[0]};
@@ -9747,13 +9711,12 @@ SPSI_COLD void spsi_subslab_place(const spsi_frame *frame, int n, int part[4]) {
     }
 }
 
-/* Whether a part has pixels in the region. */
 SPSI_COLD int spsi_subslab_meets(const int part[4], const int region[4]) {
     return part[0] < region[0] + region[2] && part[2] > region[0] && part[1] < region[1] + region[3] &&
            part[3] > region[1];
 }
 
-/* Middle direction of a part's rays: the mean of those through its corners. */
+/* Mean of the rays through a part's corners. */
 SPSI_COLD void spsi_subslab_direction(const spsi_rays *eye, double direction[3]) {
     memset(direction, 0, 3 * sizeof *direction);
     for (int corner = 0; corner < 4; ++corner) {
@@ -9765,7 +9728,7 @@ SPSI_COLD void spsi_subslab_direction(const spsi_rays *eye, double direction[3])
     spsi_normalise(direction);
 }
 
-/* Clears a sweep with the sheets of a light, or without (NULL), for the n-th part of the image. */
+/* Clears a sweep for the n-th part of the image. `light`: of its sheets; NULL: none. */
 SPSI_COLD void spsi_sweep_clear(const spsi_frame *frame, const spsi_light *light, int part, spsi_sweep *sweep) {
     double *corner = frame->content->eye.perspective ? sweep->eye.c : sweep->eye.origin;
     memset(sweep, 0, sizeof *sweep);
@@ -9780,23 +9743,22 @@ SPSI_COLD void spsi_sweep_clear(const spsi_frame *frame, const spsi_light *light
     spsi_along(corner, sweep->eye.b, sweep->part[1], corner);
 }
 
-/* --- their direction --- */
+/* --- slab direction --- */
 
-/* The direction of a camera's middle ray. */
 SPSI_COLD void spsi_eye_axis(const spsi_rays *eye, double axis[3]) {
     spsi_ray_direction(eye, 0.5 * (eye->width - 1), 0.5 * (eye->height - 1), axis);
     spsi_normalise(axis);
 }
 
-/* Whether the corners' rays cross slabs about the camera's axis at a slant: parts of the image serve better. */
+/* True if corner rays cross slabs about the camera's axis too obliquely, so that parts serve better. */
 static int spsi_eye_is_wide(const spsi_frame *frame) {
     double axis[3];
     spsi_eye_axis(&frame->content->eye, axis);
     return spsi_cosine_to_corners(axis, &frame->content->eye) < SPSI_COSINE_EVEN;
 }
 
-/* Middle direction of the eye's rays: towards the middle of the gas if all of it lies in front of the eye, otherwise
-   along the camera's axis. */
+/* Middle direction of the eye's rays: towards the medium's middle if all of it is in front, else along the camera's
+   axis. */
 SPSI_COLD void spsi_eye_direction(const spsi_frame *frame, double direction[3]) {
     const spsi_rays *eye = &frame->content->eye;
     double axis[3], centre[3], to_centre[3];
@@ -9809,13 +9771,12 @@ SPSI_COLD void spsi_eye_direction(const spsi_frame *frame, double direction[3]) 
         memcpy(direction, to_centre, sizeof to_centre);
 }
 
-/* The word for the frame's gas in messages. */
+/* The medium's name in messages. */
 SPSI_COLD const char *spsi_gases(const spsi_frame *frame) {
     return frame->particles.set_count > 0 ? "volumes or particles" : "volumes";
 }
 
-/* Reports that one of a light's rays meets the slabs at too small a cosine, and the remedy; or that the light does not
-   see the gas within a cone, or cannot tell its texels apart. */
+/* Fails, with a remedy: a ray meets slabs at too small a cosine, no cone covers the medium, or texels coincide. */
 SPSI_COLD sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
     const double cosine = sweep->cosine_of_light < SPSI_COSINE_MIN ? sweep->cosine_of_light : 0;
     char rest[SPSI_SENTENCE_SIZE] = SPSI_TEXELS_ALIKE;
@@ -9832,7 +9793,7 @@ SPSI_COLD sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_fr
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, sweep->light->index, "", cosine, rest);
 }
 
-/* The same for the camera's rays. */
+/* Fails because of the camera's rays. */
 SPSI_COLD sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
     const sps_camera *seen = &frame->view.camera;
     const double value = seen->field_of_view > 0 ? seen->field_of_view : seen->ortho_height;
@@ -9852,7 +9813,7 @@ SPSI_COLD sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_f
                           frame->has_matrix ? 0 : value, rest);
 }
 
-/* Minimum cosine between s and a light's rays through the gas. */
+/* Minimum cosine between s and a light's rays through the medium. */
 SPSI_COLD double spsi_cosine_of_light(const spsi_frame *frame, const spsi_light *light, const double s[3]) {
     double least = HUGE_VAL;
     for (int i = 0; i < light->point_count; ++i) {
@@ -9863,8 +9824,7 @@ SPSI_COLD double spsi_cosine_of_light(const spsi_frame *frame, const spsi_light 
     return least;
 }
 
-/* Turns the slabs of a sweep to suit its light, if it has one, and a middle direction of the eye's rays. Returns
-   whether they serve all rays. */
+/* Orients slabs to the sweep's light, if any, and a middle eye direction. Returns 1 if they serve all rays. */
 SPSI_COLD int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi_sweep *sweep) {
     double toward[3], centre[3];
     memcpy(sweep->slabs.normal, eye, sizeof sweep->slabs.normal);
@@ -9879,15 +9839,15 @@ SPSI_COLD int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi
         sweep->cosine_of_light = spsi_cosine_of_light(frame, sweep->light, sweep->slabs.normal);
     }
     for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->slabs.normal[i] : sweep->slabs.normal[i];
-    sweep->cosine_of_eye = spsi_cosine_to_corners(toward, &sweep->eye); /* rays in the sweep's part of the image */
-    if (sweep->eye.perspective) /* rays that can meet gas: both cosines are lower bounds */
+    sweep->cosine_of_eye = spsi_cosine_to_corners(toward, &sweep->eye); /* rays of the part */
+    if (sweep->eye.perspective) /* rays that can meet the medium; both cosines are lower bounds */
         sweep->cosine_of_eye =
             spsi_dmax(sweep->cosine_of_eye, spsi_cosine_to_bounds(toward, sweep->eye.origin, &frame->content->bounds));
     return sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye >= SPSI_COSINE_MIN;
 }
 
-/* Chooses s: towards the gas, or, where that does not serve, about the camera's axis; for a part of the image, about
-   its middle. Returns whether it serves. */
+/* Chooses s: towards the medium, or else about the camera's axis; for a part of the image, about its middle. Returns 1
+   on success. */
 SPSI_COLD int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
     double eye[3], axis[3];
     if (!sweep->light && spsi_subslab_count(frame) > 1) {
@@ -9900,10 +9860,9 @@ SPSI_COLD int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
     return spsi_sweep_turn(frame, axis, sweep) || spsi_sweep_turn(frame, eye, sweep);
 }
 
-/* The voxel length by which slabs across s are sized for a ray: what the ray crosses of a voxel, and half or a quarter
-   of that where the ray grazes the slabs and is long in each of them. Powers of 1/2 keep all slabs in place as a light
-   turns: errors that jump would be visible. The chord through a voxel's centre, 1 / sqrt(d' (V V')^-1 d), is the edge
-   of a cube; in flat and slanted voxels it is much shorter than the kernel's extent. */
+/* Voxel length that sizes slabs for a ray: the chord through a voxel's centre, halved or quartered for grazing rays.
+   Powers of 1/2 keep slabs in place as a light turns, so that errors do not flicker. The chord, 1 / sqrt(d' (V V')^-1
+   d), is the edge of a cube. In flat or slanted voxels it is much shorter than the kernel's extent. */
 SPSI_COLD double spsi_slab_chord(const spsi_lattice *lattice, const double s[3], const double ray[3]) {
     const double cosine = fabs(spsi_dot(s, ray));
     const double share = cosine >= SPSI_COSINE_EVEN ? 1 : cosine >= SPSI_COSINE_EVEN / 2 ? 0.5 : 0.25;
@@ -9914,7 +9873,7 @@ SPSI_COLD double spsi_slab_chord(const spsi_lattice *lattice, const double s[3],
     return share / sqrt(sum);
 }
 
-/* Minimum of these lengths for rays from a point to the corners and the middle of `bounds`. */
+/* Minimum of spsi_slab_chord over rays from a point to the corners and middle of `bounds`. */
 SPSI_COLD double spsi_chord_to_bounds(const spsi_lattice *lattice, const double s[3], const double from[3],
                                       const spsi_bounds *bounds) {
     double least = HUGE_VAL;
@@ -9930,8 +9889,8 @@ SPSI_COLD double spsi_chord_to_bounds(const spsi_lattice *lattice, const double 
     return least;
 }
 
-/* The same for a grid's rays: those through its corners and its middle, or those that can meet gas, whichever set has
-   the larger minimum. */
+/* Minimum of spsi_slab_chord over a grid's corner and middle rays, or over rays that can meet the medium, whichever is
+   larger. */
 SPSI_COLD double spsi_chord_of_rays(const spsi_frame *frame, const spsi_lattice *lattice, const double s[3],
                                     const spsi_rays *rays) {
     double least = HUGE_VAL;
@@ -9945,9 +9904,8 @@ SPSI_COLD double spsi_chord_of_rays(const spsi_frame *frame, const spsi_lattice 
     return spsi_dmax(least, spsi_chord_to_bounds(lattice, s, rays->origin, &frame->content->bounds));
 }
 
-/* The voxel length by which slabs are sized. What is classified must not change much from slab to slab along any ray,
-   so for it the length is what the eye's and the light's rays cross of a voxel, if that is less than the voxel's extent
-   along s. A sixteenth of the extent is the minimum, since voxels as flat as paper would need slabs without end. */
+/* Voxel length that sizes slabs. Classified values must change little per slab along any ray, so they use the chord if
+   it is shorter than the voxel's extent. At least 1/16 of the extent, which bounds the slabs of flat voxels. */
 SPSI_COLD double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                  const spsi_light *light, const double s[3]) {
     const double extent = spsi_voxel_extent(lattice, s), flattest = 1.0 / 16;
@@ -9963,9 +9921,9 @@ SPSI_COLD double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *la
     return spsi_dmin(extent, spsi_dmax(chord, flattest * extent));
 }
 
-/* Cuts slabs finer, for groups of them, where light within changes in less than their thickness: down to `fine` for
-   particles, and to the shortest edge of long voxels, or to where their gas has an optical depth of 0.05 at value 1,
-   times sps_view.slab_thickness. None is thinner than `least`. */
+/* Subdivides slabs into groups where radiance changes within them. Particles need `fine`. Voxels need their shortest
+   edge or an optical depth of 0.05 at value 1, whichever is larger, times slab_thickness. Never thinner than
+   `least`. */
 static void spsi_slabs_group(const spsi_frame *frame, double fine, double least, spsi_slabs *slabs) {
     slabs->group = 1;
     if (frame->matter.classifies || frame->view.slab_thickness > SPSI_GROUP_SLAB) return;
@@ -9980,9 +9938,9 @@ static void spsi_slabs_group(const spsi_frame *frame, double fine, double least,
     if (slabs->group > 1) slabs->thickness /= finer;
 }
 
-/* Places slabs over the bounds of volumes and particles, along their normal, that serve the rays of a target and those
-   of a light (NULL: none). `edge` is the voxel edge that stands for particles, or infinite. Slabs need not be thinner
-   than `least`, or than what makes a chunk of them. Returns their number. */
+/* Places slabs across the medium's bounds for the rays of a target and a light (NULL: none). `edge`: equivalent voxel
+   edge of particles, or infinite. `least`: useful minimum thickness, if a chunk stays full. Returns the number of
+   slabs. */
 SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_light *light, double edge,
                                   double least, spsi_slabs *slabs) {
     double low = HUGE_VAL, high = -HUGE_VAL, beyond = 0, particles;
@@ -9992,7 +9950,7 @@ SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays
         low = spsi_dmin(low, spsi_dot(point, slabs->normal));
         high = spsi_dmax(high, spsi_dot(point, slabs->normal));
     }
-    edge = spsi_dmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* limits the slabs that a stray particle calls for */
+    edge = spsi_dmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* limits slabs due to a stray particle */
     particles = edge;
     for (int i = 0; i < frame->medium_count; ++i)
         edge = spsi_dmin(edge, spsi_slab_voxel(frame, &frame->lattices[i], rays, light, slabs->normal));
@@ -10000,13 +9958,12 @@ SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays
     for (int k = 0; k < 3; ++k) beyond += 2 * frame->content->beyond[k] * fabs(slabs->normal[k]);
     least = spsi_dmin(least, spsi_dmax(high - low - beyond, 0) / SPSI_CHUNK);
     slabs->wide = least > frame->view.slab_thickness * edge;
-    /* never thicker than the whole extent */
     slabs->thickness = spsi_dmin(spsi_dmax(frame->view.slab_thickness * edge, least), high - low);
     spsi_slabs_group(frame, frame->view.slab_thickness * particles / spsi_particle_fineness(frame), least, slabs);
     return ceil((high - low) / slabs->thickness);
 }
 
-/* Cuts the same slabs, and refuses them if they are too many. */
+/* Places slabs, and fails if they are too many. */
 SPSI_COLD sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                     const spsi_light *light, double edge, double least, spsi_slabs *slabs) {
     const double count = spsi_slabs_place(frame, rays, light, edge, least, slabs);
@@ -10017,8 +9974,8 @@ SPSI_COLD sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *fram
     return SPS_OK;
 }
 
-/* Width, in texels, of the widest penumbra that gas can cast on gas or polygons, or polygons on gas: that of an edge at
-   one end of everything, at the other end. What is beside or behind a lamp counts as touching it. */
+/* Width in texels of the widest penumbra, from occluder to receiver across everything. Infinite if anything is beside
+   or behind the light. */
 SPSI_COLD double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sweep) {
     const spsi_light *light = sweep->light;
     const double texel = spsi_dmin(spsi_length(sweep->rays.a), spsi_length(sweep->rays.b));
@@ -10038,7 +9995,7 @@ SPSI_COLD double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep 
     return 2 * light->extent.radius * (1 / near_by - 1 / far_off) / texel;
 }
 
-/* Fits the rays of the light's sheets. Returns whether that is possible. */
+/* Fits the rays of the light's sheets. Returns 1 on success. */
 static int spsi_sweep_fit(const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_light *light = sweep->light;
     const double pixels = frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, light);
@@ -10051,28 +10008,27 @@ static int spsi_sweep_fit(const spsi_frame *frame, spsi_sweep *sweep) {
     return 1;
 }
 
-/* Aims a sweep's slabs and its light's rays at the content's bounds. Returns whether they serve. */
+/* Orients slabs and fits the light's rays. Returns 1 on success. */
 SPSI_COLD int spsi_sweep_aim(const spsi_frame *frame, spsi_sweep *sweep) {
     return spsi_sweep_direction(frame, sweep) && (!sweep->light || spsi_sweep_fit(frame, sweep));
 }
 
-/* Number of sweeps in a frame: one for each light that shades by sheets, and at least one. */
+/* One per light with sheets, and at least one. */
 static int spsi_sweep_count(const spsi_frame *frame) { return spsi_imax(1, frame->lights.sliced_count); }
 
-/* The n-th lamp that shades by sheets; NULL if there is none. */
+/* The n-th light with sheets; NULL if there is none. */
 SPSI_COLD const spsi_light *spsi_sliced_light(const spsi_frame *frame, int n) {
     for (int i = 0; i < frame->lights.count; ++i)
         if (frame->lights.list[i].sliced && n-- == 0) return &frame->lights.list[i];
     return NULL;
 }
 
-/* Number of lights whose shadows the n-th sweep carries; no sweep has more than the first. */
+/* Number of lights whose shadows the n-th sweep carries; the first has most. */
 SPSI_COLD int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
     return (n < frame->lights.sliced_count) + (n == 0 ? frame->lights.shadow_count - frame->lights.sliced_count : 0);
 }
 
-/* Aims a sweep at the gas or, where that does not serve, at the bounds by which shadows were chosen: what serves these
-   serves all that lies within. Returns whether one of both does. */
+/* Aims at the medium, or else at the bounds by which shadows were chosen, which contain it. Returns 1 on success. */
 SPSI_COLD int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_bounds tight = frame->content->bounds;
     spsi_sweep wider = *sweep;
@@ -10084,17 +10040,17 @@ SPSI_COLD int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
     return serves;
 }
 
-/* The thickness that a sweep's slabs may have, whatever the size of voxels: a share of the least pixel in gas, but not
-   so much that rays through the light's texels would need many samples in a slab. */
+/* Useful minimum thickness: a fraction of the medium's smallest pixel, limited so that rays through light texels need
+   few samples per slab. */
 SPSI_COLD double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *sweep) {
     const double least = frame->accuracy.slab_pixels * spsi_pixel_in_gas(frame, NULL);
     if (!sweep->light) return least;
     return spsi_dmin(least, SPSI_SLAB_TEXELS * spsi_pixel_size_at(&sweep->rays, sweep->rays.depth_reference));
 }
 
-/* Begins the n-th sweep for a part of the image. Returns the voxel edge that stands for particles, infinite without: a
-   ball has the variance of the kernel of a voxel of 0.7 radii (r^2 / 5 if it is homogeneous). Particles much smaller
-   than their cloud need not be told apart in depth: a cloud is at most about 500 of these edges deep. */
+/* Begins the n-th sweep for a part. Returns a particle's equivalent voxel edge, infinite without particles. A sphere's
+   variance is that of a voxel of 0.7 radii (r^2 / 5 if homogeneous). A cloud is at most about 500 edges deep, since
+   small particles need not be resolved in depth. */
 SPSI_COLD double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
     spsi_sweep_clear(frame, spsi_sliced_light(frame, n), part, sweep);
     sweep->first = n == 0;
@@ -10102,7 +10058,7 @@ SPSI_COLD double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi
     return spsi_dmax(SPSI_PARTICLE_EDGE * frame->content->particle_radius, frame->content->particle_spread / 200);
 }
 
-/* Sets up the n-th sweep for a part of the image. Without gas there are no slabs, and nothing can prevent slicing. */
+/* Sets up the n-th sweep for a part; no slabs without a medium. */
 SPSI_COLD sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, int part,
                                       spsi_sweep *sweep) {
     const double edge = spsi_sweep_begin(frame, n, part, sweep);
@@ -10115,8 +10071,8 @@ SPSI_COLD sps_result spsi_sweep_build(sps_context *context, const spsi_frame *fr
                           &sweep->slabs);
 }
 
-/* Cuts the image into as few parts as slabs serve well, or else can serve, for sweeps without a light's sheets. If even
-   quarters cannot be served, it stays whole, and is refused. */
+/* Cuts the image into the fewest parts that slabs serve well, or else at all. If quarters fail, it stays whole, and is
+   refused. */
 SPSI_COLD void spsi_image_divide(const spsi_frame *frame) {
     static const double cosines[] = {SPSI_COSINE_EVEN, 0.25, SPSI_COSINE_MIN};
     spsi_content *content = frame->content;
@@ -10141,121 +10097,114 @@ SPSI_COLD void spsi_image_divide(const spsi_frame *frame) {
 }
 
 /* ================================================================================================ >>splat
-   20 Footprints. In ray space a voxel's kernel is a Gaussian of covariance R [Zwicker et al. 2002]. Its line integral
-   is a 2D Gaussian in the pixel plane. The share of it between two slab planes is the difference of
-   spsi_kernel_fraction at the planes, whose distance from the kernel's middle changes from pixel to pixel because the
-   slab is tilted and the kernel sheared. This tilted section is exact; without it, the error does not fall with
-   thickness. Every section of a voxel within a chunk of slabs is written in one visit, each plane's share serving two
-   sheets. Near a perspective eye, where rays are not parallel across a kernel, the integral along each pixel's own ray
-   is used instead. Sections end at polygons and at the near plane, and footprints are widened to a pixel by its filter.
-   Classified volumes as the eye sees them are the exception: a transfer function of a mean is not the mean of a
-   transfer function, so they are sampled once per pixel, as polygons are, and from whole slabs, as the parabolas
-   through them require. Sheets hold the integral of value over t; the length of a ray per t is applied at shading.
-   Narrow footprints, which would leave most of a long vector empty, have two rows in each. Cost: about 14 vector
-   operations per vector of fragments and section, and 25 per row. */
+   20 Footprints. In ray space a voxel's kernel is a Gaussian whose line integral is a 2D Gaussian [Zwicker et al.
+   2002]. Its section between two slab planes is a difference of spsi_kernel_fraction. It varies per pixel, because
+   slabs are tilted and kernels sheared; otherwise the error would not fall with thickness. Near a perspective eye, each
+   pixel's own ray is integrated. Sections end at polygons and the near plane, and footprints are widened to a pixel.
+   Classified volumes are sampled per pixel and whole slab instead, because a transfer function of a mean is not the
+   mean of the transfer function. Sheets hold the integral of value over t; shading applies length per t. Narrow
+   footprints fill a vector with two rows. Cost: 14 vector operations per vector of fragments and section, 25 per
+   row. */
 
-/* A kernel near a perspective eye, in units of t's standard deviation, so that fourth powers stay in range. */
+/* A kernel near a perspective eye, in standard deviations of t to keep fourth powers in range. */
 typedef struct spsi_near_case {
-    float unit;          /* the standard deviation of t */
-    float covariance[6]; /* 00 01 02 11 12 22 */
-    float inverse[6];    /* of the covariance */
-    float root;          /* of its determinant */
-    float weight;        /* integral for value 1, except for what depends on the pixel */
+    float unit;          /* standard deviation of t */
+    float covariance[6];
+    float inverse[6];
+    float root;          /* root of its determinant */
+    float weight;        /* integral for value 1, without factors per pixel */
 } spsi_near_case;
 
-/* Constants shared by all voxels of a volume, for one set of rays and slabs. */
+/* Constants of a volume's voxels, for one set of rays and slabs. */
 typedef struct spsi_splatter {
-    int perspective;              /* 1: rays share an origin; 0: they are parallel */
-    float sign;                   /* -1 where rays cross the slabs against their order, else 1 */
-    float step[3][3];             /* change of (x t, y t, t) or (x, y, t) per voxel along each axis */
-    float slab_step[3];           /* change of slab coordinate per voxel along each axis */
-    float slab_x, slab_y, slab_t; /* slab coordinate along a ray: (slab_t + x slab_x + y slab_y) per t */
-    float covariance[6];          /* of the kernel in ray space: 00 01 02 11 12 22 */
-    float weight;                 /* integral for value 1, without the factors that depend on the footprint */
-    float cut;                    /* standard deviations at which footprints end */
-    float filter;                 /* minimum variance of a footprint, in square pixels */
+    int perspective;              /* 1: rays from one origin; 0: parallel */
+    float sign;                   /* -1: rays cross slabs backwards; else 1 */
+    float step[3][3];             /* ray coordinates per voxel, by axis */
+    float slab_step[3];           /* slab coordinate per voxel, by axis */
+    float slab_x, slab_y, slab_t; /* slab coordinate per t: slab_t + x slab_x + y slab_y */
+    float covariance[6];          /* kernel in ray space: 00 01 02 11 12 22 */
+    float weight;                 /* integral for value 1, without factors per footprint */
+    float cut;                    /* radius in standard deviations */
+    float filter;                 /* minimum variance, in square pixels */
     float reach_depth;            /* kernel radius in t */
-    float reach_slabs;            /* kernel radius along s, in slabs */
-    float near_depth;             /* t below which the near case applies */
-    spsi_near_case near_case;     /* the kernel in the near case */
-    float eye_near;               /* t at which rays begin, as t - depth_reference: sections are cut there */
-    float depth_reference;        /* of the rays */
-    int whole;                    /* 1: neither polygons nor the near plane cut sections; rays go on behind the eye */
-    int deposits;                 /* 1: voxels are small, and deposited */
-    float mass;                   /* of a voxel of value 1: the integral over x, y and t, times t^2 in perspective */
+    float reach_slabs;            /* kernel radius in slabs */
+    float near_depth;             /* t below which near_case applies */
+    spsi_near_case near_case;
+    float eye_near;               /* t - depth_reference where rays begin */
+    float depth_reference;
+    int whole;                    /* 1: sections are not cut, and rays continue behind the eye */
+    int deposits;
+    float mass;                   /* of value 1: integral over x, y and t, times t^2 in perspective */
 } spsi_splatter;
 
-/* Position of a brick's first voxel. */
 typedef struct spsi_brick_origin {
     float q[3];  /* ray coordinates */
     float depth; /* t - depth_reference */
     float slab;  /* slab coordinate */
 } spsi_brick_origin;
 
-/* Footprints of a vector of voxels. Distances along a ray are in v = t / (SPSI_CUT * standard deviation). */
+/* Footprints of a vector of voxels. Distances along a ray: v = t / (SPSI_CUT * standard deviation). */
 typedef struct spsi_footprints {
-    float x[SPSI_LANES];           /* column of the centre, in pixels */
-    float y[SPSI_LANES];           /* row of the centre, in pixels */
-    float depth[SPSI_LANES];       /* t - depth_reference of the centre */
+    float x[SPSI_LANES];           /* centre in pixels */
+    float y[SPSI_LANES];
+    float depth[SPSI_LANES];       /* centre, t - depth_reference */
     float slab[SPSI_LANES];        /* slab coordinate of the centre */
-    float amplitude[SPSI_LANES];   /* peak value: integral along the ray through the centre */
+    float amplitude[SPSI_LANES];   /* line integral through the centre */
     float across[SPSI_LANES];      /* 1 / variance of x at given y */
-    float lean[SPSI_LANES];        /* change of the mean x per y */
+    float lean[SPSI_LANES];        /* mean x per y */
     float upright[SPSI_LANES];     /* 1 / variance of y */
     float inverse_yy[SPSI_LANES];  /* -1/2 of the inverse covariance's y y entry */
     float row_width[SPSI_LANES];   /* standard deviation of x at given y */
-    float half_height[SPSI_LANES]; /* half the height of its bounding box, in pixels */
-    float half_width[SPSI_LANES];  /* half the width of its bounding box, in pixels */
-    float alone[SPSI_LANES];       /* 1: its pixels are to add up to its mass; 0: with its neighbours', they do */
-    float per_slab[SPSI_LANES];    /* change of v from plane to plane */
-    float slope_x[SPSI_LANES];     /* change of a plane's v per pixel along x */
-    float slope_y[SPSI_LANES];     /* change of a plane's v per pixel along y */
-    float mean_x[SPSI_LANES];      /* change of the kernel's mean t per pixel along x */
-    float mean_y[SPSI_LANES];      /* change of the kernel's mean t per pixel along y */
+    float half_height[SPSI_LANES]; /* half the bounding box, in pixels */
+    float half_width[SPSI_LANES];
+    float alone[SPSI_LANES];       /* 1: its own pixels must add up to its mass; 0: only with its neighbours' */
+    float per_slab[SPSI_LANES];    /* v per plane */
+    float slope_x[SPSI_LANES];     /* a plane's v per pixel */
+    float slope_y[SPSI_LANES];
+    float mean_x[SPSI_LANES];      /* the kernel's mean t per pixel */
+    float mean_y[SPSI_LANES];
     float per_depth[SPSI_LANES];   /* v per t */
-    float spread[SPSI_LANES];      /* range of v in a row per standard deviation, widened by the x slope */
+    float spread[SPSI_LANES];      /* range of v in a row per standard deviation, widened by slope_x */
     float slabs[SPSI_LANES];       /* 1 / per_slab */
 } spsi_footprints;
 
-/* A tile's sheets: one float per pixel, slab and channel. */
 typedef struct spsi_tile {
-    float *sheets;          /* channel by channel, each slab by slab, each row by row */
-    size_t sheet_size;      /* floats from one slab to the next */
-    size_t channel_size;    /* floats from one channel to the next */
-    int x0, y0, x1, y1;     /* pixels covered, inclusive */
-    int pitch;              /* floats from one row to the next */
-    int slab_count;         /* slabs of a chunk, and those of the margin before and after it */
+    float *sheets;          /* by channel, slab and row */
+    size_t sheet_size;      /* floats per slab */
+    size_t channel_size;    /* floats per channel */
+    int x0, y0, x1, y1;     /* inclusive */
+    int pitch;              /* floats per row */
+    int slab_count;         /* a chunk and its margins */
     int clamped;            /* 1: sections may end at `limits`, or begin at the near plane */
-    float nearest_limit;    /* minimum depth of a polygon in the tile */
+    float nearest_limit;    /* minimum polygon depth in the tile */
     const spsi_hit *limits; /* polygons of the whole image, by pixel; NULL: none */
-    int limit_width;        /* of the image */
-    int limit_height;       /* of the image */
-    uint64_t open;          /* bit mask of patches that are not opaque yet; footprints that meet none are skipped */
-    const float *depth;     /* optical depth up to here of the pixels; NULL: unknown */
-    size_t depth_pitch;     /* floats from one row of these to the next */
-    float end;              /* optical depth at which their rays end */
-    float eye_slab;         /* slab coordinate of the rays' origin, for the near case */
+    int limit_width;
+    int limit_height;
+    uint64_t open;          /* mask of patches that are not yet opaque; other footprints are skipped */
+    const float *depth;     /* optical depth so far, by pixel; NULL: unknown */
+    size_t depth_pitch;     /* floats per row */
+    float end;              /* optical depth of early termination */
+    float eye_slab;         /* slab coordinate of the eye, for the near case */
     uint64_t visits;        /* footprints written */
-    uint64_t fragments;     /* the sum of their pixels times slabs */
-    uint64_t samples;       /* of fields */
+    uint64_t fragments;     /* their pixels times slabs */
+    uint64_t samples;       /* of pyramids */
 } spsi_tile;
 
-/* Column or row of patches of a pixel `at` from a tile's edge; pixels outside count as part of the nearest patch. */
+/* Column or row of the nearest patch, at a pixel's offset from the tile's edge. */
 static inline int spsi_patch_at(int at) { return spsi_imin(spsi_imax(at, 0), SPSI_TILE_WIDTH - 1) / SPSI_PATCH; }
 
-/* Bit mask of the patches that meet a box of pixels, counted from the tile's first. */
+/* Mask of patches that meet a box of pixels, relative to the tile. */
 static inline uint64_t spsi_patch_box(int x0, int y0, int x1, int y1) {
     const int c0 = spsi_patch_at(x0), c1 = spsi_patch_at(x1), r0 = spsi_patch_at(y0), r1 = spsi_patch_at(y1);
     const uint64_t columns = (UINT64_C(0xff) << c0) & (UINT64_C(0xff) >> (7 - c1));
     return columns * UINT64_C(0x0101010101010101) & (~UINT64_C(0) << 8 * r0) & (~UINT64_C(0) >> 8 * (7 - r1));
 }
 
-/* Bit mask of the patches of a tile that meet a box of pixels. */
 static inline uint64_t spsi_patches(const spsi_tile *tile, int x0, int y0, int x1, int y1) {
     return spsi_patch_box(x0 - tile->x0, y0 - tile->y0, x1 - tile->x0, y1 - tile->y0);
 }
 
-/* Bit mask of the patches of a tile in which some pixel's optical depth is less than `end`. */
+/* Mask of patches with a pixel whose optical depth is below `end`. */
 static uint64_t spsi_patches_unfinished(const float *depth, size_t pitch, int width, int height, float end) {
     uint64_t open = 0;
     for (int y = 0; y < height; ++y, depth += pitch)
@@ -10283,7 +10232,7 @@ SPSI_COLD int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *
     unit = sqrt(covariance[2][2]);
     root = sqrt(spsi_determinant(covariance[0], covariance[1], covariance[2]));
     mass = (double)scale * lattice->voxel_volume / fabs(spsi_determinant(rays->a, rays->b, rays->c));
-    weight = mass / (-2 * SPSI_PI * expm1(-0.5 * cut * cut)); /* the mass within the cut: a constant grid is constant */
+    weight = mass / (-2 * SPSI_PI * expm1(-0.5 * cut * cut)); /* mass within the cut: keeps a constant grid constant */
     for (int i = 0, k = 0; i < 3; ++i)
         for (int j = i; j < 3; ++j, ++k) {
             splatter->covariance[k] = (float)covariance[i][j];
@@ -10306,7 +10255,7 @@ SPSI_COLD int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *
     splatter->near_depth = rays->perspective ? (float)(SPSI_NEAR_REACHES * cut * sqrt(covariance[2][2])) : -FLT_MAX;
     splatter->depth_reference = (float)rays->depth_reference;
     splatter->eye_near = spsi_rays_begin(rays);
-    { /* the widest footprint, in pixels to the fourth power */
+    { /* the widest footprint, in pixels to the fourth */
         const double nearest = rays->perspective ? (double)splatter->near_depth : 1;
         const double widest = covariance[0][0] * covariance[1][1] / (nearest * nearest * nearest * nearest);
         return widest < 1e36 && weight < (double)FLT_MAX && splatter->near_case.weight <= FLT_MAX &&
@@ -10314,12 +10263,11 @@ SPSI_COLD int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *
     }
 }
 
-/* Per square pixel by which the filter widens a footprint: voxels of up to 0.5 pixels count as alone, of 0.7 not. If
-   voxels about a pixel apart were evened out one by one, even gas would beat with the pixels. */
+/* Slope of `alone` in the variance added by the pixel filter: 1 up to voxels of 0.5 pixels, 0 from 0.7 on. Normalising
+   wider voxels one by one would alias a uniform medium. */
 #define SPSI_ALONE 16
 
-/* The parts of a footprint that follow from R at (x, y, t): the pixel filter, the conditional Gaussians, the
-   section. */
+/* Pixel filter, conditional Gaussians and section at (x, y, t). */
 static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v y, spsi_v t, spsi_v value,
                                         spsi_footprints *out) {
     const spsi_v one = spsi_set(1), c22 = spsi_set(s->covariance[5]), two = spsi_set(2), half = spsi_set(0.5f);
@@ -10378,28 +10326,27 @@ static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v
                                                spsi_set((float)(1 / (SPSI_CUT * SPSI_CUT))))));
 }
 
-/* How mass is distributed along a ray. */
 typedef enum spsi_mass { SPSI_MASS_KERNEL, SPSI_MASS_CHORD, SPSI_MASS_SOFT_CHORD } spsi_mass;
 
-/* The mass of a kernel or a ball along a vector of rays, to be added to a run of sheets. */
+/* A kernel's or sphere's mass along a vector of rays, for a run of sheets. */
 typedef struct spsi_sections {
-    float *sheet;      /* the first one */
-    size_t sheet_size; /* floats from one sheet to the next */
-    size_t pitch;      /* floats from one row to the next, if the rays are of two rows */
-    int count;         /* number of sheets */
-    int starts;        /* 1: the first sheet also receives what lies before its plane */
-    int ends;          /* 1: the last sheet also receives what lies behind its plane */
-    spsi_v weight;     /* the whole mass */
-    spsi_v v;          /* where the first plane cuts the profile, which extends from -1 to 1 */
-    spsi_v per_plane;  /* change of v from plane to plane */
-    spsi_v low, high;  /* v at which rays begin and end, if they are clamped */
+    float *sheet;      /* the first */
+    size_t sheet_size; /* floats per sheet */
+    size_t pitch;      /* floats per row, if rays are of two rows */
+    int count;         /* sheets */
+    int starts;        /* 1: also add the mass in front */
+    int ends;          /* 1: also add the mass behind */
+    spsi_v weight;
+    spsi_v v;          /* position of the first plane in the profile's -1..1 */
+    spsi_v per_plane;  /* v per plane */
+    spsi_v low, high;  /* where clamped rays begin and end */
 } spsi_sections;
 
 static inline spsi_v spsi_mass_fraction(spsi_mass mass, spsi_v v) {
     return mass == SPSI_MASS_KERNEL ? spsi_kernel_fraction(v) : spsi_chord_fraction(mass == SPSI_MASS_SOFT_CHORD, v);
 }
 
-/* Adds to each sheet the weight times the change of share from plane to plane. Each plane's share serves two sheets. */
+/* Adds each sheet's section. A plane is evaluated once for two sheets. */
 static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int clamped) {
     float *sheet = s->sheet;
     spsi_v v = s->v, before, after;
@@ -10418,19 +10365,18 @@ static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int
     spsi_store(sheet, spsi_fma(s->weight, spsi_sub(after, before), spsi_load(sheet)));
 }
 
-/* The share of a kernel before planes at v, for rays that have nothing of it before `low` and nothing behind `high`. */
+/* Kernel fraction before planes at v, for rays whose mass lies in low..high. */
 static inline spsi_v spsi_kernel_fraction_within(spsi_v v, spsi_v low, spsi_v high) {
     const spsi_v from = spsi_select(spsi_less(v, low), spsi_set(-1), v);
     return spsi_kernel_fraction(spsi_select(spsi_less(high, v), spsi_set(1), from));
 }
 
-/* Adds weight times share to two rows of a sheet. */
 static inline void spsi_add_pair(const spsi_sections *s, float *sheet, spsi_v share) {
     float *next = sheet + s->pitch;
     spsi_store_halves(sheet, next, spsi_fma(s->weight, share, spsi_load_halves(sheet, next)));
 }
 
-/* The same for two rows of a kernel, which may end at different planes. */
+/* Adds the sections of two rows of a kernel, which may end at different planes. */
 static inline void spsi_add_pairs(const spsi_sections *s) {
     float *sheet = s->sheet;
     spsi_v v = s->v, after, before = s->starts ? spsi_set(0) : spsi_kernel_fraction_within(v, s->low, s->high);
@@ -10443,19 +10389,18 @@ static inline void spsi_add_pairs(const spsi_sections *s) {
     if (s->ends) spsi_add_pair(s, sheet, spsi_sub(spsi_set(1), before));
 }
 
-/* Rows of one footprint, a vector of rows at a time: their ranges of pixels and slabs. */
+/* A vector of one footprint's rows. */
 typedef struct spsi_rows {
-    int x0[SPSI_LANES], x1[SPSI_LANES];        /* pixels, inclusive, clamped to the tile */
-    int first[SPSI_LANES];                     /* first slab plane, clamped to the tile's */
-    int slabs[SPSI_LANES];                     /* number of slabs, clamped to the tile's; 0: nothing here */
+    int x0[SPSI_LANES], x1[SPSI_LANES];        /* inclusive, within the tile */
+    int first[SPSI_LANES];                     /* first plane in the tile */
+    int slabs[SPSI_LANES];                     /* count in the tile; 0: none */
     int area[SPSI_LANES];                      /* pixels times slabs */
-    int starts[SPSI_LANES], ends[SPSI_LANES];  /* 1: not clamped at this end, which is the kernel's own */
+    int starts[SPSI_LANES], ends[SPSI_LANES];  /* 1: the kernel's own end */
     float left[SPSI_LANES], right[SPSI_LANES]; /* x0 and x1, half a pixel outwards */
-    float dy[SPSI_LANES];                      /* y from the kernel's centre */
-    float factor[SPSI_LANES];                  /* of the weight: exp of the term that depends on y alone */
-    float v[SPSI_LANES];                       /* of the first plane at the kernel's own x */
-    float low[SPSI_LANES], high[SPSI_LANES];   /* v there behind the first plane and before the last, which are the
-                                                  kernel's ends; infinite if they are not */
+    float dy[SPSI_LANES];                      /* y from the centre */
+    float factor[SPSI_LANES];                  /* weight factor that depends on y only */
+    float v[SPSI_LANES];                       /* v of the first plane at the kernel's own x */
+    float low[SPSI_LANES], high[SPSI_LANES];   /* v half a slab within the kernel's ends; infinite if clamped */
 } spsi_rows;
 
 static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints *f, int i, int y, float cut,
@@ -10499,13 +10444,11 @@ static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints 
     spsi_store_int(rows->ends, spsi_select(spsi_less(count, high), zero, one));
 }
 
-/* Depths of the polygons at a vector of a tile's pixels. */
 static inline spsi_v spsi_tile_limits(const spsi_tile *tile, int x, int y) {
     return spsi_hit_depths(tile->limits, tile->limit_width, tile->limit_height, x, y);
 }
 
-/* The range of v to which a section is clamped: it begins behind the near plane, and ends at the polygon at depth
-   `beyond`. */
+/* Range of v from the near plane to a polygon at depth `beyond`, clamped. */
 static inline void spsi_limits(spsi_v beyond, float sign, float eye_near, spsi_v mean, spsi_v per_depth, spsi_v *low,
                                spsi_v *high) {
     spsi_v near_v = spsi_mul(spsi_sub(spsi_set(eye_near), mean), per_depth);
@@ -10515,21 +10458,20 @@ static inline void spsi_limits(spsi_v beyond, float sign, float eye_near, spsi_v
     *high = sign > 0 ? beyond : spsi_sub(spsi_set(0), near_v);
 }
 
-/* A footprint that is being splatted into a channel of a tile. */
 typedef struct spsi_footprint {
     spsi_tile *tile;
     const spsi_splatter *splatter;
     const spsi_footprints *footprints;
-    int lane; /* of the footprints */
+    int lane;
     float *channel;
 } spsi_footprint;
 
-/* Whether the factors of a footprint's weights could overflow. */
+/* True if the factors of a footprint's weights could overflow. */
 static inline int spsi_is_slender(float a, float b, float c) { return b * b > 0.8f * 4 * a * c; }
 
-/* A vector of columns of up to SPSI_LANES rows. With the inverse covariance (A B; B C), weights are
-   exp(-A dx^2 / 2 - B dx dy0) * exp(-B dx)^row * exp(-C dy^2 / 2): the first two are per column, the last per row, so
-   that no exponential is evaluated per pixel. Slender ellipses evaluate one per vector and row. */
+/* Splats a vector of columns. With the inverse covariance (A B; B C), weights are exp(-A dx^2 / 2 - B dx dy0) * exp(-B
+   dx)^row * exp(-C dy^2 / 2). Two factors are per column, one per row, which avoids exponentials per pixel. Slender
+   ellipses need one per vector and row. */
 static inline void spsi_splat_columns(const spsi_footprint *print, const spsi_rows *rows, int count, int x, int y,
                                       int clamped) {
     const spsi_tile *tile = print->tile;
@@ -10573,13 +10515,11 @@ static inline void spsi_splat_columns(const spsi_footprint *print, const spsi_ro
     }
 }
 
-/* Two rows' numbers, in a vector of both. */
 static inline spsi_v spsi_pair(const float *rows, int r) {
     return spsi_halves(spsi_set(rows[r]), spsi_set(rows[r + 1]));
 }
 
-/* Sets the sheets that two rows reach, and v of their first plane at the kernel's own x. `row`: in the first sheet of
-   all; `bits`: those of the rows that reach any. */
+/* Sets the sheets that two rows reach. `bits`: rows that reach any. */
 static inline void spsi_pair_sections(const spsi_rows *rows, int r, int bits, float per_slab, float *row,
                                       spsi_sections *sections) {
     const int i = bits == 2 ? r + 1 : r, j = bits == 1 ? r : r + 1, first = spsi_imin(rows->first[i], rows->first[j]);
@@ -10591,7 +10531,7 @@ static inline void spsi_pair_sections(const spsi_rows *rows, int r, int bits, fl
                               spsi_set(rows->v[j] - per_slab * (float)(rows->first[j] - first)));
 }
 
-/* The same for columns of half a vector, two rows at a time, not clamped. */
+/* Splats half a vector of columns, two rows at a time, without clamping. */
 static inline void spsi_splat_pairs(const spsi_footprint *print, const spsi_rows *rows, int count, int x, int y) {
     const spsi_tile *tile = print->tile;
     const spsi_footprints *f = print->footprints;
@@ -10636,7 +10576,7 @@ static void spsi_splat_footprint(const spsi_footprint *print) {
     const spsi_footprints *f = print->footprints;
     const int i = print->lane;
     const float height = f->half_height[i], width = f->half_width[i];
-    /* clamped as floats: a footprint may be wider than the range of an int */
+    /* clamped as floats: may exceed int */
     const int y0 = (int)spsi_fmax(ceilf(f->y[i] - height), (float)tile->y0);
     const int y1 = (int)spsi_fmin(floorf(f->y[i] + height), (float)tile->y1);
     const int x0 = (int)spsi_fmax(ceilf(f->x[i] - width), (float)tile->x0);
@@ -10664,20 +10604,19 @@ static void spsi_splat_footprint(const spsi_footprint *print) {
     }
 }
 
-/* An ellipsoid along x or y, as the near case sees it: its centre (q, t), its cut, and the covariance of q and t. */
+/* A near kernel along x or y: centre (q, t), cut, covariance. */
 typedef struct spsi_extent {
     float q, t, cut, qq, qt, tt;
 } spsi_extent;
 
-/* The extent along x (axis 0) or y; `side` is 1, or -1 for the mirror image behind the eye. */
+/* `side` -1: the mirror image behind the eye. */
 static spsi_extent spsi_near_extent(const spsi_splatter *s, const float q[3], int axis, float side) {
     const float *c = s->near_case.covariance;
     const spsi_extent extent = {side * q[axis], side * q[2], s->cut, c[axis == 0 ? 0 : 3], c[axis == 0 ? 2 : 4], c[5]};
     return extent;
 }
 
-/* Narrows a range of pixels, which may lie beyond the image, to those of an ellipsoid, by the tangent planes through
-   the eye; not if the eye's plane cuts it, so that there is no bound. */
+/* Narrows a range of pixels by the tangent planes through the eye, unless the eye's plane cuts the ellipsoid. */
 static void spsi_extent_range(const spsi_extent *e, int *first, int *last) {
     const float square = e->cut * e->cut, a = e->t * e->t - square * e->tt, b = e->q * e->t - square * e->qt;
     const float root = b * b - a * (e->q * e->q - square * e->qq);
@@ -10686,8 +10625,7 @@ static void spsi_extent_range(const spsi_extent *e, int *first, int *last) {
     *last = spsi_imin(*last, (int)spsi_fmin(floorf((b + sqrtf(root > 0 ? root : 0)) / a), (float)SPSI_SIZE_MAX));
 }
 
-/* Whether an ellipsoid reaches in front of the eye and meets the rays between two columns (or rows) of pixels: it does
-   not if it lies entirely outside of one of the planes through the eye and these. */
+/* True unless an ellipsoid lies behind the eye, or outside of the planes through the eye and a range's ends. */
 static int spsi_extent_meets(const spsi_extent *e, int first, int last) {
     const float ends[2] = {(float)first - 0.5f, (float)last + 0.5f};
     for (int i = 0; i < 2; ++i) {
@@ -10697,19 +10635,19 @@ static int spsi_extent_meets(const spsi_extent *e, int first, int last) {
     return e->t + e->cut * sqrtf(e->tt) > 0;
 }
 
-/* A kernel that is being splatted along each pixel's own ray. */
+/* A kernel to be integrated along each pixel's own ray. */
 typedef struct spsi_near_footprint {
     spsi_tile *tile;
     const spsi_splatter *splatter;
-    float q[3];      /* (x t, y t, t) of its centre, in the near case's units */
-    float value;     /* of the voxel */
-    int x1;          /* the last column */
-    int first, last; /* first and last plane of its sections */
+    float q[3];      /* centre (x t, y t, t) in near_case units */
+    float value;
+    int x1;          /* last column */
+    int first, last; /* planes */
     float *channel;
 } spsi_near_footprint;
 
-/* A vector of pixels of the near case: w = (x, y, 1) is the ray, a = w' C^-1 w, and the exponent
-   (P x w)' adj(C^-1) (P x w) / a involves no difference of large numbers. */
+/* Splats a near kernel at P. For a ray w = (x, y, 1), a = w' C^-1 w. The exponent (P x w)' adj(C^-1) (P x w) / a avoids
+   differences of large numbers. */
 static inline void spsi_splat_near_row(const spsi_near_footprint *print, int x, int y) {
     const spsi_tile *tile = print->tile;
     const spsi_splatter *s = print->splatter;
@@ -10754,13 +10692,12 @@ static inline void spsi_splat_near_row(const spsi_near_footprint *print, int x, 
     spsi_add_sections(&sections, SPSI_MASS_KERNEL, 1);
 }
 
-/* Whether a kernel, or (side -1) its mirror image behind the eye, meets a tile's rays. */
+/* True if a kernel (side -1: its mirror image behind the eye) meets a tile's rays. */
 static int spsi_near_meets(const spsi_tile *tile, const spsi_splatter *s, const float q[3], float side) {
     const spsi_extent x = spsi_near_extent(s, q, 0, side), y = spsi_near_extent(s, q, 1, side);
     return spsi_extent_meets(&x, tile->x0, tile->x1) && spsi_extent_meets(&y, tile->y0, tile->y1);
 }
 
-/* Splats a kernel near the eye, at (x t, y t, t). */
 static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float at[3], float slab, float value,
                             float *channel) {
     const int behind = s->whole && fabsf(slab - tile->eye_slab) < s->reach_slabs + SPSI_BEHIND;
@@ -10782,7 +10719,6 @@ static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float
         for (int x = x0; x <= x1; x += SPSI_LANES) spsi_splat_near_row(&print, x, y);
 }
 
-/* Splats those voxels of a vector, near the eye, whose bits are set. */
 static void spsi_splat_near_voxels(spsi_tile *tile, const spsi_splatter *s, const spsi_v q[3], spsi_v slab,
                                    spsi_v value, int bits, float *channel) {
     float lanes[5][SPSI_LANES];
@@ -10795,7 +10731,6 @@ static void spsi_splat_near_voxels(spsi_tile *tile, const spsi_splatter *s, cons
     }
 }
 
-/* Ray coordinates, depth and slab coordinate of a vector of a brick's voxels. */
 static inline void spsi_voxels_place(const spsi_splatter *s, const spsi_brick_origin *origin, const spsi_v at[3],
                                      spsi_v q[3], spsi_v *depth, spsi_v *slab) {
     for (int i = 0; i < 3; ++i) {
@@ -10807,7 +10742,7 @@ static inline void spsi_voxels_place(const spsi_splatter *s, const spsi_brick_or
     *slab = spsi_fma(at[0], spsi_set(s->slab_step[0]), spsi_fma(at[1], spsi_set(s->slab_step[1]), *slab));
 }
 
-/* Bit mask of a vector's footprints that reach into the tile. */
+/* Mask of footprints that reach into the tile. */
 static inline int spsi_footprints_inside(const spsi_tile *tile, const spsi_footprints *f) {
     const spsi_v x = spsi_load(f->x), width = spsi_load(f->half_width);
     const spsi_v y = spsi_load(f->y), height = spsi_load(f->half_height);
@@ -10818,17 +10753,17 @@ static inline int spsi_footprints_inside(const spsi_tile *tile, const spsi_footp
     return spsi_bits(spsi_and(spsi_and(m0, m1), spsi_less(spsi_set(0), spsi_load(f->per_slab))));
 }
 
-/* Sum over pixels of a Gaussian at x, by its integral: pixels alias a wave of their own length. */
+/* Pixel sum of a Gaussian at x over its integral, to the first aliasing term, scaled by `alone`. */
 static inline spsi_v spsi_pixels_sum(const float *x, const float *half, spsi_v per_cut, spsi_v alone) {
     const spsi_v at = spsi_clamp(spsi_load(x), spsi_set(-4.0f * SPSI_SIZE_MAX), spsi_set(4.0f * SPSI_SIZE_MAX));
     const spsi_v turn = spsi_fma(spsi_abs(spsi_sub(at, spsi_round(at))), spsi_set(4), spsi_set(-1));
-    const spsi_v cosine = spsi_mul(turn, spsi_sub(spsi_mul(turn, turn), spsi_set(3))); /* twice, to 2 % */
+    const spsi_v cosine = spsi_mul(turn, spsi_sub(spsi_mul(turn, turn), spsi_set(3))); /* 2 cos(2 pi x), to 2 % */
     const spsi_v deviation = spsi_min(spsi_mul(spsi_load(half), per_cut), spsi_set(2));
     const spsi_v wave = spsi_mul(spsi_mul(deviation, deviation), spsi_set((float)(-2 * SPSI_PI * SPSI_PI)));
     return spsi_fma(spsi_mul(alone, spsi_exp(wave)), cosine, spsi_set(1));
 }
 
-/* Scales footprints of voxels much smaller than pixels so that their mass does not depend on their place. */
+/* Makes the mass of voxels much smaller than pixels independent of their place. */
 static inline void spsi_footprints_even(const spsi_splatter *s, spsi_footprints *f) {
     const spsi_v alone = spsi_load(f->alone), per_cut = spsi_set(1 / s->cut);
     if (!spsi_bits(spsi_less(spsi_set(0), alone))) return;
@@ -10837,13 +10772,12 @@ static inline void spsi_footprints_even(const spsi_splatter *s, spsi_footprints 
                                                spsi_pixels_sum(f->y, f->half_height, per_cut, alone))));
 }
 
-/* Splats the voxels of one brick into a tile. */
 static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi_brick_origin *origin,
                              const spsi_segment *segment, const spsi_brick *brick, float *channel) {
     const spsi_v reach = spsi_set(s->reach_slabs);
     spsi_footprints f;
     spsi_footprint print = {tile, s, &f, 0, channel};
-    memset(&f, 0, sizeof f); /* compilers do not see that perspective fills it in later */
+    memset(&f, 0, sizeof f); /* compilers miss that perspective fills it in later */
     if (!s->perspective) spsi_footprint_shape(s, spsi_set(0), spsi_set(0), spsi_set(1), spsi_set(1), &f);
     const float unit = f.amplitude[0];
     for (int i = 0; i < brick->count; i += SPSI_LANES) {
@@ -10878,7 +10812,6 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
     }
 }
 
-/* Position of a brick for these rays and slabs; slab coordinates are relative to `first_slab`. */
 static void spsi_brick_origin_build(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_rays *rays,
                                     const spsi_slabs *slabs, int first_slab, spsi_brick_origin *origin) {
     double at[3], point[3], q[3];
@@ -10891,16 +10824,15 @@ static void spsi_brick_origin_build(const spsi_lattice *lattice, const spsi_bric
 }
 
 /* --- small voxels ---
-   Where samples need not tell voxels apart, a footprint would be little but the pixel filter. Instead, the mass of a
-   voxel is shared out among 3^3 samples by linear weights, averaged over the voxel's breadth b along each axis. What
-   samples hold then has the same mass and the same first moments, and the variance (2 + b^2) / 12 that is added to a
-   voxel's place is close to the filter's 1/4. Equal voxels along the axes make equal samples. All voxels of a volume
-   are deposited, or none, since a seam between both would show. Cost: 27 additions per voxel. */
+   If voxels are smaller than samples, footprints are little but the pixel filter. So a voxel's mass is deposited into
+   3^3 samples by linear weights, averaged over its breadth b. This keeps mass and first moments. The added variance (2
+   + b^2) / 12 is close to the filter's 1/4. A volume is deposited entirely or not at all, to avoid seams. Cost: 27
+   additions per voxel. */
 
-#define SPSI_DEPOSIT_MOST  0.8f       /* breadth of voxels in samples; wider ones are told apart */
-#define SPSI_DEPOSIT_LEAST 0.0078125f /* differences of squares would be lost below */
+#define SPSI_DEPOSIT_MOST  0.8f       /* maximum breadth in samples */
+#define SPSI_DEPOSIT_LEAST 0.0078125f /* differences of squares would vanish below */
 
-/* Breadths of voxels along x, y and slabs, in samples, at ray coordinates (x t, y t, t). */
+/* Breadths of a voxel in samples along x, y and slabs. */
 static void spsi_voxel_breadths(const spsi_splatter *s, const float q[3], float breadth[3]) {
     for (int k = 0; k < 3; ++k) {
         float square = 0;
@@ -10913,8 +10845,7 @@ static void spsi_voxel_breadths(const spsi_splatter *s, const float q[3], float 
     }
 }
 
-/* For gas within these bounds: it is deposited if its voxels are small everywhere. What is deposited reaches the slabs
-   beside the nearest. */
+/* Decides to deposit a volume if its voxels are small at all corners. Deposits reach one slab beyond the nearest. */
 SPSI_COLD void spsi_splatter_deposits(spsi_splatter *splatter, const spsi_rays *rays, const spsi_bounds *bounds) {
     for (int corner = 0; corner < 8; ++corner) {
         double point[3], q[3];
@@ -10931,25 +10862,24 @@ SPSI_COLD void spsi_splatter_deposits(spsi_splatter *splatter, const spsi_rays *
     splatter->reach_slabs = spsi_fmax(splatter->reach_slabs, 1);
 }
 
-/* A brick that is being deposited into a tile. Samples are counted from the tile's first, along x, y and slabs. */
+/* A brick being deposited. Samples are relative to the tile, along x, y and slabs. */
 typedef struct spsi_deposit {
     const spsi_tile *tile;
     const spsi_splatter *splatter;
     const spsi_brick_origin *origin;
-    float breadth[3];    /* of its voxels */
-    int low[3], high[3]; /* the tile's first and last samples */
-    int edges[2][3];     /* the first and last samples of all */
-    int kept;            /* 1: they take what would lie beyond them */
+    float breadth[3];
+    int low[3], high[3]; /* samples of the tile */
+    int edges[2][3];     /* first and last samples of all */
+    int kept;            /* 1: border samples also take the mass beyond them */
 } spsi_deposit;
 
-/* A vector of voxels: the sample before the nearest one, and what each of three takes. */
+/* Per voxel and axis: first of three samples, and their weights. */
 typedef struct spsi_deposit_weights {
     int first[3][SPSI_LANES];
     float weight[3][3][SPSI_LANES];
 } spsi_deposit_weights;
 
-/* Sets up a brick. Parallel rays hold all gas, of which nothing is lost at their edges; what a perspective's edges cut
-   off belongs to the rays beside them. `edges`: the first and last samples. */
+/* Parallel rays cover the whole medium, so their borders keep its mass; perspective ones do not. */
 static void spsi_deposit_begin(const spsi_tile *tile, const spsi_splatter *s, const spsi_brick_origin *origin,
                                const spsi_brick *brick, const int edges[2][3], spsi_deposit *deposit) {
     const int last[3] = {tile->x1 - tile->x0, tile->y1 - tile->y0, tile->slab_count - 1};
@@ -10969,8 +10899,8 @@ static void spsi_deposit_begin(const spsi_tile *tile, const spsi_splatter *s, co
     spsi_voxel_breadths(s, q, deposit->breadth);
 }
 
-/* Shares along one axis of what lies `at` some place between the middles of samples. The positive part of the distance
-   from the nearest sample, averaged over the breadth, goes to the one behind it. */
+/* Weights along one axis. `after` is the positive part of the offset from the nearest sample, averaged over the
+   breadth. */
 static inline void spsi_deposit_weights_along(int axis, spsi_v at, float breadth, spsi_v mass,
                                               spsi_deposit_weights *shares) {
     const spsi_v nearest = spsi_round(at), off = spsi_sub(at, nearest), zero = spsi_set(0);
@@ -10984,7 +10914,6 @@ static inline void spsi_deposit_weights_along(int axis, spsi_v at, float breadth
     spsi_store(shares->weight[axis][2], spsi_mul(mass, after));
 }
 
-/* Adds one voxel. */
 static void spsi_deposit_voxel(const spsi_deposit *deposit, const spsi_deposit_weights *shares, int lane,
                                float *channel) {
     const spsi_tile *tile = deposit->tile;
@@ -11006,7 +10935,6 @@ static void spsi_deposit_voxel(const spsi_deposit *deposit, const spsi_deposit_w
     }
 }
 
-/* Bit mask of a vector's voxels that reach into the tile. */
 static inline int spsi_deposits_inside(const spsi_deposit *deposit, const spsi_v at[3]) {
     const spsi_v reach = spsi_set(1.5f);
     spsi_m inside = spsi_less(spsi_set(0), reach);
@@ -11018,7 +10946,6 @@ static inline int spsi_deposits_inside(const spsi_deposit *deposit, const spsi_v
     return spsi_bits(inside);
 }
 
-/* Deposits the voxels of one brick. */
 static void spsi_deposit_brick(const spsi_deposit *deposit, const spsi_segment *segment, const spsi_brick *brick,
                                float *channel) {
     const spsi_splatter *s = deposit->splatter;
@@ -11048,26 +10975,26 @@ static void spsi_deposit_brick(const spsi_deposit *deposit, const spsi_segment *
 
 /* --- particles --- */
 
-/* Constants shared by all particles of a sweep, for one set of rays. */
+/* Constants of a sweep's particles. */
 typedef struct spsi_sphere_setup {
     const spsi_rays *rays;
-    float sign;                   /* -1 where rays cross the slabs against their order, else 1 */
-    float slab_x, slab_y, slab_t; /* slab coordinate along a ray: (slab_t + x slab_x + y slab_y) per t */
-    float eye_near;               /* t at which rays begin, as t - depth_reference */
+    float sign;                   /* -1: rays cross slabs backwards; else 1 */
+    float slab_x, slab_y, slab_t; /* slab coordinate per t: slab_t + x slab_x + y slab_y */
+    float eye_near;               /* t - depth_reference where rays begin */
     double row[3], slab_origin;   /* slab coordinate: row . p - slab_origin */
-    double reach;                 /* change of slab coordinate per world unit, perpendicular to slabs */
-    double reach_depth;           /* maximum change of t per world unit, along the rays' axis */
+    double reach;                 /* slabs per world unit */
+    double reach_depth;           /* maximum t per world unit */
 } spsi_sphere_setup;
 
-/* A particle as one set of rays sees it, in one chunk of slabs. */
+/* A particle in one chunk of slabs. */
 typedef struct spsi_projected_sphere {
     spsi_sphere sphere;
     float weight;         /* extinction in the middle */
-    float slab;           /* slab coordinate of the centre, relative to the chunk's first slab */
+    float slab;           /* centre, relative to the chunk */
     float reach;          /* radius in slabs */
     float reach_depth;    /* maximum radius in t */
-    float tilt_x, tilt_y; /* change of slab coordinate from pixel to pixel at constant t */
-    int channel;          /* of the sheets */
+    float tilt_x, tilt_y; /* slab coordinate per pixel at constant t */
+    int channel;
 } spsi_projected_sphere;
 
 SPSI_COLD void spsi_sphere_setup_build(const spsi_rays *rays, const spsi_slabs *slabs, int backwards,
@@ -11087,7 +11014,7 @@ SPSI_COLD void spsi_sphere_setup_build(const spsi_rays *rays, const spsi_slabs *
     crossing->reach_depth = rays->per_length;
 }
 
-/* Slab coordinate of a particle's centre, and its radius in slabs, for these rays. */
+/* Slab coordinate of the centre, and radius in slabs. */
 static void spsi_particle_slabs(const spsi_sphere_setup *crossing, const sps_particle *particle, double *slab,
                                 double *reach) {
     double centre[3], offset[3];
@@ -11105,7 +11032,7 @@ static void spsi_projected_sphere_build(const spsi_sphere_setup *crossing, const
     double centre[3], t;
     spsi_sphere_weigh(rays, NULL, coarse, set, particle, &projected->sphere);
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
-    if (!(projected->sphere.depth >= SPSI_VALUE_MIN)) projected->sphere.x1 = -1; /* widened, it is too thin to count */
+    if (!(projected->sphere.depth >= SPSI_VALUE_MIN)) projected->sphere.x1 = -1; /* negligible once widened */
     t = rays->perspective ? (double)projected->sphere.t + rays->depth_reference : 1;
     projected->slab = (float)(spsi_dot(crossing->row, centre) - crossing->slab_origin - first_slab);
     projected->reach = (float)(radius * crossing->reach);
@@ -11117,18 +11044,18 @@ static void spsi_projected_sphere_build(const spsi_sphere_setup *crossing, const
     projected->channel = channel;
 }
 
-/* A ball that is being splatted into a tile: its box there, and its slabs. */
+/* A sphere clipped to a tile. */
 typedef struct spsi_sphere_footprint {
     const spsi_tile *tile;
     const spsi_sphere_setup *crossing;
     const spsi_projected_sphere *projected;
     int x0, x1, y0, y1; /* inclusive */
-    int first, last;    /* slabs; the last is exclusive */
-    int starts;         /* 1: the first slab also receives what a widened particle has before it */
-    int ends;           /* 1: the last slab also receives what it has behind that */
+    int first, last;    /* last is exclusive */
+    int starts;         /* 1: also add the mass in front of the first slab */
+    int ends;           /* 1: also add the mass behind the last slab */
 } spsi_sphere_footprint;
 
-/* Positions along a vector of chords at which the rays cross the slabs of a chunk, in half chords from the middle. */
+/* Slab planes along a vector of chords, in half chords from the middle. */
 static inline void spsi_print_planes(const spsi_sphere_footprint *print, const spsi_chord *chord, int x, int y,
                                      int clamped, spsi_sections *sections) {
     const spsi_tile *tile = print->tile;
@@ -11163,7 +11090,6 @@ static inline void spsi_print_planes(const spsi_sphere_footprint *print, const s
     sections->high = spsi_clamp(sections->high, spsi_set(-1), spsi_set(1));
 }
 
-/* Splats a vector of a row of a ball, from (x, y) on, which begins at `sheet` in the first slab. */
 static inline void spsi_splat_sphere_at(const spsi_sphere_footprint *print, int x, int y, int clamped, float *sheet,
                                         spsi_sections *sections) {
     const spsi_sphere *sphere = &print->projected->sphere;
@@ -11197,8 +11123,7 @@ static inline void spsi_splat_sphere(const spsi_sphere_footprint *print, int cla
                                  &sections);
 }
 
-/* Splats a particle into a tile's slabs of a chunk. `starts`: this chunk is the first; `left`: number of slabs from its
-   first one to the last of all. */
+/* `starts`: this chunk is the first; `left`: slabs from here to the last. */
 static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossing,
                                 const spsi_projected_sphere *projected, int starts, int left) {
     const spsi_sphere *sphere = &projected->sphere;
@@ -26226,15 +26151,14 @@ SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
 }
 
 /* ================================================================================================ >>frame
-   35 The frame: one sweep after another, then the image. */
+   35 The frame: sweep after sweep, then the image. */
 
 /* --- the image --- */
 
-/* Floats per pixel of the sum of sweeps: radiance, coverage, and distance if wanted. */
+/* Floats per pixel: radiance, coverage, and distance if wanted. */
 static size_t spsi_total_floats(const spsi_frame *frame) { return (size_t)(4 + frame->wants_depth); }
 
-/* Fills `rgb` with the background's radiance for one row of the region, three floats per pixel. Directions are kept
-   behind it. */
+/* Fills `rgb` with a row of background radiance. Directions are kept behind it. */
 SPSI_COLD sps_result spsi_background_row(sps_context *context, const spsi_frame *frame, int y, float *rgb) {
     const sps_scene *scene = &frame->given;
     const int *region = frame->view.region;
@@ -26258,10 +26182,10 @@ SPSI_COLD sps_result spsi_background_row(sps_context *context, const spsi_frame 
     return context->result;
 }
 
-/* Flushes denormals to 0, since they could slow down the arithmetic of the caller. */
+/* Flushes denormals, which could slow down the caller. */
 static float spsi_flush(float a) { return a < FLT_MIN ? 0 : a; }
 
-/* Begins the sum of all sweeps with the background. Returns NULL on failure. */
+/* Initialises the total with the background. Returns NULL on failure. */
 SPSI_COLD float *spsi_begin_total(sps_context *context, const spsi_frame *frame) {
     const size_t width = (size_t)frame->view.region[2], floats = spsi_total_floats(frame);
     float *total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, width * (size_t)frame->view.region[3],
@@ -26276,8 +26200,8 @@ SPSI_COLD float *spsi_begin_total(sps_context *context, const spsi_frame *frame)
     return total;
 }
 
-/* Adds a sweep's radiance to a pixel of the total; the first sweep also covers the background, and contributes coverage
-   and distance. */
+/* Adds a sweep's radiance to a pixel. The first sweep also attenuates the background, and sets coverage and
+   distance. */
 static void spsi_add_pixel(const spsi_run *run, int x, int y, size_t at, float covered, float *pixel) {
     const spsi_shader *shader = &run->shader;
     const spsi_layers *layers = &shader->visible->layers;
@@ -26294,9 +26218,9 @@ static void spsi_add_pixel(const spsi_run *run, int x, int y, size_t at, float c
     if (shader->frame->wants_depth) pixel[4] = pixel[3] > 0 ? shader->distance[at] / pixel[3] : SPSI_INFINITY;
 }
 
-#define SPSI_SUM_ROWS 8 /* rows of pixels of a task */
+#define SPSI_SUM_ROWS 8 /* rows per task */
 
-/* The same for some rows of the region, as far as they are in the sweep's part of the image. */
+/* Adds some rows of the region, within the sweep's part of the image. */
 static void spsi_sum_task(void *data, int index) {
     const spsi_run *run = (const spsi_run *)data;
     const spsi_shader *shader = &run->shader;
@@ -26329,8 +26253,7 @@ static void spsi_write_image(const spsi_frame *frame, const float *total, const 
         }
 }
 
-/* Sets the depth that the eye's depths are relative to: that of the middle of the gas, whose lookups need it to be
-   near, or, if there is no gas, that of the polygons, which may be far behind. */
+/* Sets the eye's depth reference: the medium's middle, whose lookups need precision, or else the polygons'. */
 SPSI_COLD void spsi_eye_reference(const spsi_frame *frame) {
     spsi_bounds all = frame->content->bounds;
     double centre[3], q[3];
@@ -26341,7 +26264,6 @@ SPSI_COLD void spsi_eye_reference(const spsi_frame *frame) {
     frame->content->eye.depth_reference = frame->content->eye.perspective ? spsi_dmax(q[2], 0) : q[2];
 }
 
-/* Finds what the eye sees of polygons. */
 SPSI_COLD sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                        spsi_visible *visible) {
     const size_t pixels = spsi_ray_count(&frame->content->eye);
@@ -26359,18 +26281,18 @@ SPSI_COLD sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* Data for the eye's pixels that all sweeps share. */
+/* Per-pixel data of all sweeps. */
 typedef struct spsi_picture {
     const spsi_frame *frame;
     spsi_faces faces;
     spsi_visible visible;
     spsi_spreads spreads;
-    float *total; /* radiance, coverage and distance of the region so far */
-    spsi_shadow *shadows; /* of the current sweep */
+    float *total; /* radiance, coverage, distance so far */
+    spsi_shadow *shadows; /* current sweep */
     int shadow_count;
 } spsi_picture;
 
-/* Runs one sweep whose depth maps and transmittance maps are ready, from set-up to total; or measures its gas. */
+/* Runs a sweep whose depth maps and transmittance maps are ready, or only measures its optical depth. */
 SPSI_COLD sps_result spsi_sweep_once(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
                                      int measures, spsi_run *run, const spsi_call_stage *part) {
     const double start = spsi_clock(context);
@@ -26382,7 +26304,7 @@ SPSI_COLD sps_result spsi_sweep_once(sps_context *context, const spsi_picture *p
     if (spsi_run_build(context, picture->frame, &picture->faces, &picture->visible, sweep, run)) return context->result;
     const double swept = spsi_clock(context);
     context->stats.seconds_bin += swept - start;
-    const double light = context->stats.seconds_light + context->stats.seconds_bin; /* time that is not the eye's */
+    const double light = context->stats.seconds_light + context->stats.seconds_bin; /* not the eye's */
     if (spsi_run_sweep(run, part)) return context->result;
     if (!measures)
         spsi_parallel_items(context, (picture->frame->view.region[3] + SPSI_SUM_ROWS - 1) / SPSI_SUM_ROWS,
@@ -26392,15 +26314,15 @@ SPSI_COLD sps_result spsi_sweep_once(sps_context *context, const spsi_picture *p
     return SPS_OK;
 }
 
-/* Reserves the workers' counters, and what shadow rays find: `shares` per place for all lights. */
+/* Reserves counters of workers, and results of shadow rays: `shares` per place for all lights. */
 static uint64_t *spsi_visibility_reserve(sps_context *context, size_t places, int shares) {
     size_t bytes = (size_t)spsi_worker_count(context) * sizeof(uint64_t);
     spsi_bytes_add(&bytes, places, (size_t)spsi_imax(1, shares) * sizeof(float));
     return (uint64_t *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, 1, bytes);
 }
 
-/* Lists a sweep's lights, its own and, in the first sweep, all shadowing lamps without slabs of their own, and traces
-   the shadow rays from surfaces to them. */
+/* Lists a sweep's lights, and traces shadow rays from surfaces to them. The first sweep also has all shadowing lights
+   without slabs. */
 SPSI_COLD sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *sweep, int n, spsi_picture *picture) {
     const spsi_frame *frame = picture->frame;
     const int count = spsi_sweep_shadow_count(frame, n);
@@ -26437,7 +26359,7 @@ SPSI_COLD sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *
     return SPS_OK;
 }
 
-/* Renders the region's pixels in a part of the image, whose shadows are ready. */
+/* Renders a part of the image whose shadows are ready. */
 SPSI_COLD sps_result spsi_render_part(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
                                       spsi_run *run, const spsi_call_stage *part) {
     spsi_call_stage half = *part;
@@ -26508,7 +26430,7 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
     spsi_run *run = spsi_run_reserve(context);
     if (!picture.total || !run) return context->result;
     if (spsi_forward_tables(context, frame)) return context->result;
-    for (int n = 0; n < spsi_sweep_count(frame); ++n) /* what slabs cannot serve is refused before cells are lit */
+    for (int n = 0; n < spsi_sweep_count(frame); ++n) /* fails before cells are lit */
         if (spsi_sweep_build(context, frame, n, 0, &sweep)) return context->result;
     if (spsi_scatters_fully(frame) && spsi_cells_build(context, frame, &picture.faces, &cells)) return context->result;
     if (spsi_scatters_aside(frame) && spsi_spreads_build(context, frame, &picture.faces, &cells, &picture.spreads))
@@ -26523,18 +26445,17 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
 }
 
 /* ================================================================================================= >>plan
-   36 The passes that a scene calls for. Each states its reason, whether it runs or not; bytes are upper bounds, counts
-   of calls are exact. The bounds follow from what is known without reading: the blocks that range_fn does not exclude,
-   and counts of triangles and particles. */
+   36 Plan: a scene's passes, and why each runs or not. Call counts are exact, bytes are upper bounds. Nothing is read:
+   bounds follow from blocks that range_fn keeps, and from counts of triangles and particles. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
     "gather",      "projectors", "eye polygons", "layers",     "textures",  "light polygons", "triangle tree",
     "shadow rays", "eye sheets", "light sheets", "light maps", "penumbrae", "gradient",       "scattering",
     "forward",     "spreading",  "cells",        "emission",   "ambient",   "surface light"};
 
-/* The blocks of all volumes that will be read, and upper bounds of what they hold. */
+/* Blocks to be read, with upper bounds of their contents. */
 typedef struct spsi_reading {
-    int held; /* 1: the voxels are held from an earlier call, nothing will be read */
+    int held; /* 1: voxels are cached by an earlier call */
     uint64_t blocks, bricks, voxels_kept;
     uint64_t bricks_of[SPSI_VOLUMES_MAX], voxels_of[SPSI_VOLUMES_MAX]; /* by medium */
 } spsi_reading;
@@ -26577,12 +26498,12 @@ SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* Places fields by which filling is judged: of what is held, or of all that will be read: as if its bricks lay side by
-   side or, if that is less, each apart from the others. */
+/* Places pyramids that decide on filling: cached ones, or estimates from bricks, adjacent or apart, whichever is
+   less. */
 SPSI_COLD sps_result spsi_plan_pyramids(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     if (!spsi_pyramids_wanted(frame)) return SPS_OK;
     if (reading->held) return spsi_pyramids_place(context, frame);
-    context->fields_held = 0; /* they are not what is held */
+    context->fields_held = 0; /* estimates replace them */
     spsi_pyramid *fields = (spsi_pyramid *)spsi_reserve(context, SPSI_BUFFER_PYRAMIDS, 1, sizeof *fields);
     if (!fields) return context->result;
     frame->content->fields = fields;
@@ -26602,13 +26523,13 @@ SPSI_COLD sps_result spsi_plan_pyramids(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Records what was counted as bytes of a pass, unless it has needed more before. */
+/* Raises a pass's bytes to the bytes counted. */
 static void spsi_plan_take(sps_context *context, sps_plan_report *report, sps_pass pass) {
     if (context->counted > report->pass[pass].bytes) report->pass[pass].bytes = context->counted;
     context->counted = 0;
 }
 
-/* Counts what is read. Lists grow by half, old and new at once. */
+/* Lists grow by half, with old and new in memory. */
 SPSI_COLD void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     const uint64_t whole = SPSI_BRICK * SPSI_BRICK * SPSI_BRICK;
     const uint64_t segments = reading->voxels_kept / (SPSI_SEGMENT - whole + 1) + 1;
@@ -26624,8 +26545,7 @@ SPSI_COLD void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *fr
     if (spsi_pyramids_wanted(frame)) spsi_pyramids_count(context, frame, reading->bricks_of);
 }
 
-/* Maximum number of texels on the longer side of a sweep's light. Particles have not been read, so the bounds that were
-   planned with are not those of the render. */
+/* Maximum texels on a side of a sweep's light. Particles are unread, so rendering may use other bounds. */
 SPSI_COLD size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep *sweep) {
     const int planned = spsi_imax(sweep->rays.width, sweep->rays.height);
     if (frame->particles.set_count == 0) return (size_t)planned;
@@ -26633,8 +26553,8 @@ SPSI_COLD size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep 
                                                                   : spsi_light_texels_most(frame));
 }
 
-/* Counts what a sweep holds of bricks and particles. Once read, volumes may be cut into other slabs than their boxes,
-   but not into many more; with particles there is no bound but the maximum. */
+/* Counts a sweep's bricks and particles. Reading may change the slabs of volumes a little, and of particles
+   arbitrarily. */
 static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
                                      uint64_t bricks) {
     const int particles = (int)frame->particles.count;
@@ -26645,10 +26565,8 @@ static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *fra
     if (particles > 0) spsi_queue_reserve(context, SPSI_BUFFER_PARTICLE_QUEUE, particles, chunks, &contents.particles);
 }
 
-/* Bytes by which a sweep's light casts penumbrae. Particles and polygons have not been read: whether penumbrae are wide
-   enough is not known then. While contents are not known, beams count as twice as wide as the light's sheets, which is
-   their maximum if shadow_resolution does not set that of the sheets. Boxes of volumes may be wider than what is in
-   them, and penumbrae narrower in their texels, so that the bytes count even if those are left sharp. */
+/* Counts penumbrae, even if they may turn out narrow and stay sharp. Until contents are known, beams are twice as wide
+   as the light's sheets. That is their maximum unless shadow_resolution is set. */
 SPSI_COLD sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                               sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0;
@@ -26672,7 +26590,7 @@ SPSI_COLD sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_f
 
 /* --- the choice between sheets and tables --- */
 
-/* Whether slabs about the camera's axis serve a directional light, wherever the gas is. */
+/* True if slabs about the camera's axis serve a directional light for any medium. */
 SPSI_COLD int spsi_axis_serves(const spsi_frame *frame, const spsi_light *light) {
     double axis[3], toward[3];
     spsi_sweep sweep;
@@ -26685,7 +26603,7 @@ SPSI_COLD int spsi_axis_serves(const spsi_frame *frame, const spsi_light *light)
            spsi_cosine_to_corners(toward, &frame->content->eye) >= SPSI_COSINE_EVEN;
 }
 
-/* Chooses as a render does, except that particles have not been read: what depends on them stays open. */
+/* Chooses as rendering does, but leaves open what depends on particles. */
 SPSI_COLD void spsi_plan_choices(sps_context *context, spsi_frame *frame) {
     int open = 0, sliced = 0;
     spsi_choose_shadows(context, frame);
@@ -26697,19 +26615,18 @@ SPSI_COLD void spsi_plan_choices(sps_context *context, spsi_frame *frame) {
                              ((open + sliced == 0 || light->extent.exists) && spsi_axis_serves(frame, light));
         if (!is_known || light->choice == SPSI_CHOICE_OPEN)
             light->choice = is_known ? SPSI_CHOICE_SHEETS : SPSI_CHOICE_OPEN;
-        light->has_map |= !is_known; /* as well as sheets */
+        light->has_map |= !is_known; /* in addition to sheets */
         if (light->extent.exists && light->has_map) light->tables = spsi_light_tables(light);
         open += !is_known;
         sliced += is_known && light->sliced;
     }
 }
 
-/* Number of tables that a light of the list has, if it has any. */
 static int spsi_plan_tables(const spsi_frame *frame, const spsi_light *light) {
     return frame->lights.list == frame->lights.whole ? spsi_imax(1, light->tables) : 1;
 }
 
-/* Number of lights that have sheets, or may. */
+/* Lights that have sheets, or may. */
 SPSI_COLD int spsi_plan_sliced_count(const spsi_frame *frame) {
     int count = 0;
     for (int i = 0; i < frame->lights.count; ++i)
@@ -26717,8 +26634,8 @@ SPSI_COLD int spsi_plan_sliced_count(const spsi_frame *frame) {
     return count;
 }
 
-/* Number of sweeps, at most: of parts of the image in the region, where no light needs sheets. Particles may turn out
-   to call for all four where slabs about the camera's axis do not serve the whole image. */
+/* Maximum number of sweeps. Without sheets, the image's parts in the region; particles may need all four if the camera
+   is wide. */
 SPSI_COLD int spsi_plan_sweep_count(const spsi_frame *frame) {
     const int sliced = spsi_plan_sliced_count(frame);
     int parts = 0, part[4], sheets = 0;
@@ -26732,7 +26649,7 @@ SPSI_COLD int spsi_plan_sweep_count(const spsi_frame *frame) {
     return spsi_imax(parts, sliced);
 }
 
-/* Number of lights whose shadows the n-th sweep carries, at most. */
+/* Upper bound of spsi_sweep_shadow_count. */
 SPSI_COLD int spsi_plan_shadow_count(const spsi_frame *frame, int n) {
     int open = 0;
     for (int i = 0; i < frame->lights.count; ++i) open |= frame->lights.list[i].choice == SPSI_CHOICE_OPEN;
@@ -26741,7 +26658,7 @@ SPSI_COLD int spsi_plan_shadow_count(const spsi_frame *frame, int n) {
 
 /* --- sweeps --- */
 
-/* Why a volume is filled as it is, by verdict. */
+/* Reasons by verdict. */
 static const char *const spsi_filling_reasons[] = {"splatted: view.filling asks for it",
                                                    "splatted: voxels are smaller than pixels, and no level fits",
                                                    "splatted: voxels are near the eye or the light, or behind it",
@@ -26754,7 +26671,7 @@ static const char *const spsi_filling_reasons[] = {"splatted: view.filling asks 
                                                    "gathered: view.filling asks for it",
                                                    "gathered: samples cost less than footprints would"};
 
-/* How volumes fill sheets of the eye, of a light, or of cells' samples. `again`: other sheets of the kind are known. */
+/* Explains how volumes fill a target. `again`: joins earlier sheets of the kind. */
 SPSI_COLD void spsi_plan_filling(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
                                  spsi_target_kind kind, int again, int *gathered, const char **why) {
     const char *first = NULL;
@@ -26770,8 +26687,7 @@ SPSI_COLD void spsi_plan_filling(const spsi_frame *frame, const spsi_rays *rays,
     *gathered = spsi_imax(*gathered, count);
 }
 
-/* Aims at the samples of cells about all gas, or at those of the first light that spreads. Returns 0 if there is
-   neither, or on failure. */
+/* Aims at samples for cells, or for the first spread light. Returns 0 if there is neither, or on failure. */
 SPSI_COLD int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_rays *rays, spsi_slabs *slabs) {
     spsi_cell_grid grid;
     spsi_spread spread;
@@ -26786,13 +26702,12 @@ SPSI_COLD int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_
     return 0;
 }
 
-/* Bytes of the largest sweep's planes, sheets, queues and pixels. */
 SPSI_COLD sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                            int n, uint64_t bricks, spsi_run *run, sps_plan_report *report) {
     const size_t side = spsi_plan_light_side(frame, sweep), particles = frame->particles.count;
     const spsi_rays *eye = &frame->content->eye;
-    const spsi_shape shape = spsi_shape_of(frame, 1); /* lights' sheets have no more channels */
-    spsi_rays square; /* as many texels as the light may have */
+    const spsi_shape shape = spsi_shape_of(frame, 1); /* lights have no more channels */
+    spsi_rays square; /* the light's maximum */
     spsi_lists lists;
     square.width = square.height = (int)side;
     run->shader.frame = frame;
@@ -26845,7 +26760,7 @@ SPSI_COLD void spsi_plan_gather_pass(const spsi_frame *frame, const spsi_reading
                                             : "range_fn shows that no voxel matters");
 }
 
-/* Why lights have maps: the first of the library's reasons, or the caller's. */
+/* First of the library's reasons, or the caller's. */
 SPSI_COLD const char *spsi_plan_map_reason(const spsi_frame *frame) {
     static const char *const reasons[] = {"lights have a shadow_map or SPS_SHADOW_TABLE",
                                           "a table, if particles turn out to call for one",
@@ -26908,7 +26823,7 @@ SPSI_COLD void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int 
 
 SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                                 sps_plan_report *report) {
-    const int gases = frame->medium_count > 0 || frame->particles.set_count > 0; /* that may be visible */
+    const int gases = frame->medium_count > 0 || frame->particles.set_count > 0; /* potentially visible */
     const int polygons = frame->meshes.triangle_count > 0, sweeps = report->sweep_count, lit = frame->lights.count > 0;
     const int held = context->tree_held && spsi_faces_held(context, frame);
     const int again = frame->view.scattering != SPS_SCATTERING_AMBIENT;
@@ -26958,7 +26873,7 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
                    polygons ? "no light" : "no triangles");
 }
 
-/* Counts what polygons need outside the sweeps. */
+/* Counts polygons' memory outside the sweeps. */
 static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
     const size_t pixels = spsi_ray_count(&frame->content->eye), triangles = frame->meshes.triangle_count;
     size_t lights = (size_t)spsi_plan_shadow_count(frame, 0); /* at once */
@@ -26987,7 +26902,7 @@ static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *fram
         shares += spsi_plan_tables(frame, light) * spsi_visibility_floats(frame, light, light->extent.exists) - 1;
         lights += (size_t)spsi_plan_tables(frame, light) - 1;
     }
-    if (spsi_scatters_fully(frame)) lights = (size_t)spsi_imax((int)lights, frame->lights.shadow_count); /* of cells */
+    if (spsi_scatters_fully(frame)) lights = (size_t)spsi_imax((int)lights, frame->lights.shadow_count); /* cells */
     if (frame->lights.shadow_count == 0) return;
     if (frame->matter.scatters)
         spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, lights,
@@ -26997,7 +26912,7 @@ static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *fram
     spsi_plan_take(context, report, SPS_PASS_SHADOW_RAYS);
 }
 
-/* Bytes of everything outside the sweeps, except for what is held already. */
+/* Bytes outside the sweeps, unless cached. */
 SPSI_COLD void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const spsi_reading *reading,
                                sps_plan_report *report) {
     spsi_plan_gather_bytes(context, frame, reading);
@@ -27008,14 +26923,14 @@ SPSI_COLD void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const sp
     spsi_plan_take(context, report, SPS_PASS_FORWARD);
     if (spsi_scatters_aside(frame)) report->pass[SPS_PASS_SPREADING].bytes = spsi_spreads_bytes(frame);
     if (spsi_scatters_fully(frame)) report->pass[SPS_PASS_CELLS].bytes = spsi_cells_bytes(frame);
-    if (frame->view.scattering == SPS_SCATTERING_AUTO) /* not decided yet */
+    if (frame->view.scattering == SPS_SCATTERING_AUTO) /* undecided */
         report->pass[SPS_PASS_CELLS].bytes += SPSI_BOUND_BYTES;
     if (frame->meshes.triangle_count > 0) spsi_plan_polygon_bytes(context, frame, report);
     report->bytes = context->stats.bytes + 2 * SPSI_BUFFER_COUNT * SPSI_LINK_BYTES; /* segments and maps, too */
     for (int i = 0; i < SPS_PASS_COUNT; ++i) spsi_bytes_add(&report->bytes, report->pass[i].bytes, 1);
 }
 
-/* Bytes of the lights' maps, which are held at the same time, and of filling them one after the other. */
+/* Bytes of the lights' maps, which coexist but are filled one by one. */
 SPSI_COLD void spsi_plan_tmaps(const spsi_frame *frame, uint64_t bricks, sps_plan_report *report) {
     size_t most = 0, prints = 0;
     for (int i = 0; i < frame->lights.count; ++i) {
@@ -27030,7 +26945,7 @@ SPSI_COLD void spsi_plan_tmaps(const spsi_frame *frame, uint64_t bricks, sps_pla
     report->pass[SPS_PASS_LIGHT_MAPS].bytes += most + prints;
 }
 
-/* All sweeps, and those of lights that may turn out to need one. */
+/* Includes lights that may need a sweep. */
 SPSI_COLD sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame, uint64_t bricks,
                                       sps_plan_report *report) {
     spsi_run *run = spsi_run_reserve(context);
@@ -27046,7 +26961,7 @@ SPSI_COLD sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *fr
     for (int i = 0; i < frame->lights.count; ++i) {
         if (frame->lights.list[i].choice != SPSI_CHOICE_OPEN || frame->lights.list[i].sliced) continue;
         spsi_sweep_clear(frame, &frame->lights.list[i], 0, &sweep);
-        sweep.back_to_front = 1; /* it may be */
+        sweep.back_to_front = 1; /* worst case */
         report->pass[SPS_PASS_EYE_SHEETS].runs += spsi_sweep_measures(frame, &sweep);
         if (spsi_plan_sweep_bytes(context, frame, &sweep, 0, bricks, run, report)) return context->result;
     }
@@ -27099,7 +27014,7 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
     if (context->result) return context->result;
     spsi_plan_passes(context, frame, &reading, report);
     for (int i = 0; i < SPS_PASS_COUNT; ++i)
-        if (report->pass[i].runs == 0) report->pass[i].bytes = 0; /* the rest is part of the sum only */
+        if (report->pass[i].runs == 0) report->pass[i].bytes = 0; /* only counts in the sum */
     return SPS_OK;
 }
 
@@ -29405,10 +29320,9 @@ SPSI_COLD sps_result spsi_reference_frame(sps_context *context, const spsi_frame
 #endif /* SPLATSHADOW_NO_REFERENCE */
 
 /* =============================================================================================== >>public
-   40 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
-   callbacks for grids and meshes. */
+   40 Public functions, which check their arguments and call the chapters above, and callbacks for grids and meshes. */
 
-#ifdef __GNUC__ /* if SPS_API is static: no warnings about functions that a program does not call */
+#ifdef __GNUC__ /* a static SPS_API may leave functions unused */
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wunused-function"
 #endif
@@ -29417,7 +29331,6 @@ SPS_API int sps_version(void) { return SPS_VERSION; }
 
 #define SPSI_NO_CONTEXT "context " SPSI_IS_NULL
 
-/* Checks a config. `context` is only there to fail. */
 SPSI_COLD sps_result spsi_check_config(sps_context *context, const sps_config *config) {
     const spsi_subject at = {context, SPS_OBJECT_CONFIG, -1, ""};
     if (spsi_check_canaries(&at, config->start_canary, config->end_canary)) return context->result;
@@ -29432,7 +29345,7 @@ SPSI_COLD sps_result spsi_check_config(sps_context *context, const sps_config *c
     return SPS_OK;
 }
 
-/* Refuses a call within another one. The first refusal is the error and is told; message_fn may cause the next. */
+/* Refuses a nested call. Only the first refusal is reported, since message_fn may cause the next. */
 static sps_result spsi_refuse(sps_context *context) {
     if (context->within == 2) return context->result;
     context->within = 2;
@@ -29441,8 +29354,7 @@ static sps_result spsi_refuse(sps_context *context) {
                      "a callback called into its own context, or threw or jumped out of an earlier call (destroy it)");
 }
 
-/* Begins a call that records errors: clears result and error, and restarts the statistics except for the bytes held.
-   Returns an error if there can be no call. */
+/* Begins a call: clears the error, and all statistics but the bytes held. Returns an error if no call is possible. */
 SPSI_COLD sps_result spsi_begin(sps_context *context) {
     sps_stats_report fresh;
     if (!context) return SPS_ERROR_ARGUMENT;
@@ -29462,13 +29374,11 @@ SPSI_COLD sps_result spsi_begin(sps_context *context) {
     return SPS_OK;
 }
 
-/* Ends a call. Returns its result. */
 SPSI_COLD sps_result spsi_end(sps_context *context) {
     context->within = 0;
     return context->result;
 }
 
-/* Ends a call whose time is recorded. */
 static sps_result spsi_end_timed(sps_context *context) {
     context->stats.seconds_total = spsi_clock(context) - context->clock_start;
     return spsi_end(context);
@@ -29516,14 +29426,14 @@ SPS_API void sps_get_error(const sps_context *context, sps_error_info *info) {
     spsi_describe(info, SPS_OBJECT_CALL, -1, "context", 0, SPSI_IS_NULL);
 }
 
-/* Whether row_pixels leaves room for a row, and the size of such an image in bytes does not overflow. */
+/* True if row_pixels fits a row, and the image's bytes do not overflow. */
 static int spsi_rows_fit(const spsi_frame *frame, size_t row_pixels) {
     const size_t width = (size_t)frame->view.region[2], height = (size_t)frame->view.region[3];
     if (row_pixels == 0) return 1;
     return row_pixels >= width && row_pixels <= (size_t)PTRDIFF_MAX / (4 * sizeof(float)) / height;
 }
 
-/* Begins sps_render and sps_reference: checks their arguments, and returns the frame. NULL after a failure. */
+/* Begins sps_render and sps_reference. Returns the checked frame, or NULL on failure. */
 SPSI_COLD spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene, const sps_view *view,
                                        const sps_image *image) {
     if (spsi_require(context, scene, "scene") || spsi_require(context, view, "view") ||
@@ -29549,7 +29459,7 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
     if (refused) return refused;
     spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
     if (frame) spsi_render_frame(context, frame, image);
-    spsi_tmaps_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count); /* there are some after a failure */
+    spsi_tmaps_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count); /* left by failures */
     return spsi_end_timed(context);
 }
 
@@ -29585,10 +29495,10 @@ SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, c
     return spsi_end_timed(context);
 }
 
-/* Converts a half to a float, which can hold every half exactly. */
+/* Exact conversion. */
 static float spsi_half(uint16_t half) {
     const uint32_t exponent = half >> 10 & 31, fraction = half & 1023;
-    const float subnormal = (float)fraction * (1 / 16777216.0f); /* in units of 2^-24 */
+    const float subnormal = (float)fraction * (1 / 16777216.0f); /* units of 2^-24 */
     uint32_t bits = (exponent == 31 ? 255 : exponent + 112) << 23 | fraction << 13;
     float value;
     if (exponent == 0) memcpy(&bits, &subnormal, sizeof bits);
@@ -29597,8 +29507,7 @@ static float spsi_half(uint16_t half) {
     return value;
 }
 
-/* Converts a row of voxels that lie `step` bytes apart to values. Bytes side by side have a loop that compilers turn
-   into vectors. */
+/* Converts voxels `step` bytes apart. Packed bytes have a loop that compilers vectorise. */
 static void spsi_voxel_row(const sps_grid *grid, const char *from, ptrdiff_t step, int count, float *out) {
     const float scale = fabsf(grid->scale) > 0 ? grid->scale : 1, offset = grid->offset;
     const unsigned char *bytes = (const unsigned char *)from;
@@ -29617,7 +29526,7 @@ static void spsi_voxel_row(const sps_grid *grid, const char *from, ptrdiff_t ste
     for (int i = 0; i < count; ++i) out[i] = out[i] * scale + offset;
 }
 
-/* Checks a grid and a block of it. Returns what sps_grid_read and sps_grid_range return for them. */
+/* Checks a grid and a block of it. Returns the result of sps_grid_read and sps_grid_range. */
 static int spsi_grid_check(const sps_grid *grid, const int lo[3], const int size[3]) {
     if (!grid || !grid->voxels || grid->start_canary || grid->end_canary) return 1;
     if ((int)grid->format < SPS_VOXEL_U8 || grid->format > SPS_VOXEL_F32) return 1;
@@ -29634,7 +29543,7 @@ static void spsi_grid_strides(const sps_grid *grid, ptrdiff_t stride[3]) {
     static const ptrdiff_t bytes[] = {0, 1, 2, 2, 4};
     for (int i = 0; i < 3; ++i) {
         ptrdiff_t packed = i == 0 ? bytes[grid->format] : stride[i - 1] * grid->size[i - 1];
-        if (packed < 0) packed = -packed; /* rows that run upwards are still in layers that follow each other */
+        if (packed < 0) packed = -packed; /* upward rows still form consecutive layers */
         stride[i] = grid->stride[i] ? grid->stride[i] : packed;
     }
 }
@@ -29683,7 +29592,7 @@ SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float
     return 0;
 }
 
-/* The vertex of the i-th corner, counted through all triangles. */
+/* Vertex of the i-th corner of all triangles. */
 static size_t spsi_mesh_index(const sps_indexed_mesh *mesh, size_t i) {
     uint16_t narrow;
     uint32_t wide;
@@ -29696,7 +29605,6 @@ static size_t spsi_mesh_index(const sps_indexed_mesh *mesh, size_t i) {
     return wide;
 }
 
-/* Copies the floats of a vertex, if there is a list. */
 static void spsi_mesh_vector(const float *list, size_t stride, size_t vertex, size_t floats, float *out) {
     if (list) memcpy(out, (const char *)list + vertex * (stride ? stride : floats * sizeof *out), floats * sizeof *out);
 }
@@ -29746,7 +29654,7 @@ SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *l
     return spsi_end(context);
 }
 
-/* Maps accept occluders until they are finished, or have failed to finish. */
+/* Refuses occluders once a map is finished, or has failed to finish. */
 SPSI_COLD sps_result spsi_require_unfinished(const sps_tmap *map) {
     const char *rest = map->failed ? "has failed to finish; destroy it" : "is finished already";
     if (!map->failed && !map->finished) return SPS_OK;

@@ -8378,9 +8378,9 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
 
 #define SPSI_PARTICLE_EDGE 0.7 /* radii, >>slicing */
 #define SPSI_GROUP_MOST    8   /* slabs shaded at once */
-#define SPSI_GROUP_SLAB    2   /* sps_view.slab_thickness above which slabs are not grouped, since they must be cheap */
+#define SPSI_GROUP_SLAB    2   /* thicker slabs are not grouped, to stay cheap */
 #define SPSI_FINE_PIXELS   1.7 /* times texel_pixels: smallest texel of dense particles */
-#define SPSI_FINE_SLABS    40  /* maximum number of refined slabs in the medium's diagonal, at slab_thickness 1 */
+#define SPSI_FINE_SLABS    40  /* most refined slabs in the medium's diagonal, at slab_thickness 1 */
 #define SPSI_TEXELS_ALIKE  "cannot tell its texels apart so far from the world's origin"
 
 /* Unit direction of a light's rays at a point. */
@@ -8392,8 +8392,8 @@ static void spsi_light_direction(const spsi_light *light, const double point[3],
     spsi_normalise(direction);
 }
 
-/* Refinement factor of slabs and texels in dense particles, where radiance changes within an optical depth of 1.
-   Limited for clouds many particles deep. */
+/* Refinement of slabs and texels in dense particles, where radiance changes within an optical depth of 1; limited for
+   clouds many particles deep. */
 static double spsi_particle_fineness(const spsi_frame *frame) {
     const spsi_content *content = frame->content;
     const double edge = SPSI_PARTICLE_EDGE * content->particle_radius, depth = edge * content->particle_extinction;
@@ -8405,10 +8405,10 @@ static double spsi_particle_fineness(const spsi_frame *frame) {
     return finer < 1.4 ? 1 : finer;
 }
 
-/* Fits a light's rays to `bounds`. `texel`: desired world size of a texel, at the middle of the bounds. `size`: texels
-   on the longer side; 0: derived from `texel`, up to `most`. Keeps a border of two texels. Texels stay centred on the
-   bounds as a light turns, and are added in pairs, so that errors do not flicker. Returns 0 if no cone from a point
-   light covers the bounds, or if spsi_rays_complete fails. */
+/* Fits a light's rays to `bounds`, with a border of two texels. `texel`: desired world size, at the middle of the
+   bounds. `size`: texels on the longer side; 0: derived, up to `most`. Texels stay centred as a light turns, and are
+   added in pairs, so that errors do not flicker. Returns 0 if no cone from a point light covers the bounds, or if
+   spsi_rays_complete fails. */
 static int spsi_rays_fit(const spsi_light *light, const spsi_bounds *bounds, double texel, int size, int most,
                          spsi_rays *rays) {
     double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
@@ -8447,12 +8447,12 @@ static int spsi_rays_fit(const spsi_light *light, const spsi_bounds *bounds, dou
     return spsi_rays_complete(rays);
 }
 
-/* Maximum texels on a side of a light's sheets, unless shadow_resolution sets it. */
+/* Maximum texels on a side of sheets, unless shadow_resolution is set. */
 SPSI_COLD int spsi_light_texels_most(const spsi_frame *frame) {
     return frame->medium_count > 0 ? 4096 : frame->accuracy.depth_map_texels;
 }
 
-/* True if light is transported through the grid, >>cells, or may be while SPS_SCATTERING_AUTO is undecided. */
+/* True if light is transported through cells, or may be while SPS_SCATTERING_AUTO is undecided. */
 static int spsi_scatters_fully(const spsi_frame *frame) {
     return (frame->view.scattering == SPS_SCATTERING_MULTIPLE || frame->view.scattering == SPS_SCATTERING_AUTO) &&
            spsi_light_meets_gas(frame);
@@ -8478,7 +8478,7 @@ static int spsi_scatters_multiply(const spsi_frame *frame) {
     return spsi_scatters_fully(frame) || spsi_scatters_forward(frame);
 }
 
-/* Optical depth at which light rays terminate. */
+/* Optical depth of early termination of light rays. */
 SPSI_COLD float spsi_light_end(const spsi_frame *frame) {
     return spsi_scatters_forward(frame) ? SPSI_FORWARD_END : SPSI_LIGHT_END;
 }
@@ -8500,8 +8500,8 @@ SPSI_COLD int spsi_has_shadow_tables(const spsi_frame *frame) {
     return 0;
 }
 
-/* Desired world size of a light's texels: a voxel's breadth, or half of a particle's equivalent voxel edge since its
-   rim is sharper. Particles alone need no more texels than a depth map. */
+/* Desired world size of a light's texels: a voxel's breadth, or half of a particle's equivalent voxel edge, since its
+   rim is sharper. Particles alone never exceed a depth map's texels. */
 SPSI_COLD double spsi_light_texel(const spsi_frame *frame, const spsi_light *light) {
     double centre[3], forward[3], right[3], down[3], across[3], size = HUGE_VAL, own;
     spsi_bounds_centre(&frame->content->bounds, centre);
@@ -8520,14 +8520,13 @@ SPSI_COLD double spsi_light_texel(const spsi_frame *frame, const spsi_light *lig
 }
 
 /* --- pixels wider than voxels ---
-   Shadows and slabs need not be finer than pixels resolve. A texel's own filter has 1/8 to 1/2 square texels, and
-   lookups add 1/6. Texels of 0.6 pixels thus blur by at most 1/4 square pixel, the pixel filter's variance; draft
-   allows twice that. Classified volumes cannot be filtered, so they get two texels per pixel and axis. Slabs are second
-   order in thickness: half a pixel is enough, or one at draft. Classified volumes take one sample per slab, at 0.3
-   pixels. */
+   Shadows and slabs need not be finer than pixels resolve. A texel's filter has 1/8 to 1/2 square texels, and lookups
+   add 1/6. Texels of 0.6 pixels thus blur by at most 1/4 square pixel, like the pixel filter; draft allows twice that.
+   Classified volumes cannot be filtered, so each pixel has two texels per axis. Slabs are second order in thickness:
+   half a pixel is enough, or one at draft; classified volumes take 0.3. */
 
-/* Distance at which eight points, moving at constant rates in ray coordinates (x t, y t, t), have all left across one
-   image side; else infinity. */
+/* Distance until eight points, with constant rates in ray coordinates (x t, y t, t), have left the image across one
+   side; or infinity. */
 SPSI_COLD double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double rates[8][3]) {
     double end = HUGE_VAL;
     for (int side = 0; side < 4; ++side) {
@@ -8543,8 +8542,8 @@ SPSI_COLD double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double 
     return end;
 }
 
-/* Smallest pixel breadth in the medium; with a light, also where its shadow may fall on polygons. Ignores the margin
-   that pyramid levels add to the bounds, since it may appear suddenly. 0 beside or behind the eye. */
+/* Smallest pixel breadth in the medium; with a light, also where its shadow may fall on polygons. Ignores the margin of
+   pyramid levels, which may appear suddenly. 0 beside or behind the eye. */
 SPSI_COLD double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_light *shading) {
     const spsi_rays *eye = &frame->content->eye;
     const int falls = shading && frame->meshes.triangle_count > 0 && eye->perspective;
@@ -8566,8 +8565,7 @@ SPSI_COLD double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_light *sh
     return eye->perspective ? breadth * spsi_dmax(nearest, spsi_dmax(eye->near_depth, 0)) : breadth;
 }
 
-/* Smallest useful texel of a depth map: half of the medium's, since polygon edges are unfiltered; 0: quality
-   decides. */
+/* Smallest useful texel of a depth map: half of the medium's, since polygon edges are unfiltered; or 0. */
 SPSI_COLD double spsi_depth_map_texel(const spsi_frame *frame) {
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
     return 0.5 * frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, NULL);
@@ -8577,8 +8575,8 @@ SPSI_COLD const spsi_bounds *spsi_light_bounds(const spsi_frame *frame, const sp
     return light->map_bounds ? light->map_bounds : &frame->content->bounds;
 }
 
-/* Aims a light's transmittance map: one ray grid if a cone covers the medium, else six cube faces with the desired
-   texels at the farthest medium. Returns the number of grids; 0: too far from the world's origin. */
+/* Aims a light's transmittance map: one ray grid if a cone covers the medium, else six faces. Returns their number; 0:
+   too far from the world's origin. */
 SPSI_COLD int spsi_light_rays(const spsi_frame *frame, const spsi_light *light, spsi_rays rays[SPSI_CUBE_FACES]) {
     const spsi_bounds *bounds = spsi_light_bounds(frame, light);
     const double texel = spsi_light_texel(frame, light);
@@ -8595,12 +8593,12 @@ SPSI_COLD int spsi_light_rays(const spsi_frame *frame, const spsi_light *light, 
     return SPSI_CUBE_FACES;
 }
 
-/* Offset in a light's frame, where small angles from the axis stay precise in floats. */
+/* Offset in a light's frame, where small angles from the axis stay precise. */
 static void spsi_to_light(const spsi_light *light, const double offset[3], double place[3]) {
     for (int k = 0; k < 3; ++k) place[k] = spsi_dot(k < 2 ? light->across[k] : light->direction, offset);
 }
 
-/* Intensity factor of a spotlight at an angle from its axis, given as 1 - cos. */
+/* Intensity factor of a spotlight, given 1 - cos of the angle from its axis. */
 static inline spsi_v spsi_cone_fraction(const spsi_cone *cone, spsi_v versine) {
     const spsi_v share = spsi_div(spsi_sub(spsi_set((float)cone->none), versine), spsi_set((float)cone->rim));
     const spsi_v most = spsi_clamp(share, spsi_set(0), spsi_set(1));
@@ -8612,7 +8610,7 @@ static double spsi_cone_at(const spsi_cone *cone, double versine) {
     return cone->exists ? share * share : 1;
 }
 
-/* 1 - cos of the angle from the axis, at a place in the light's frame. */
+/* 1 - cos of the angle from the axis, in the light's frame. */
 static inline spsi_v spsi_versine_v(const spsi_v place[3]) {
     const spsi_v aside = spsi_fma(place[0], place[0], spsi_mul(place[1], place[1])), z = place[2];
     const spsi_v r = spsi_max(spsi_sqrt(spsi_fma(z, z, aside)), spsi_set(FLT_MIN));
@@ -8627,7 +8625,7 @@ static double spsi_versine(const spsi_light *light, const double travel[3]) {
     return place[2] > 0 ? aside / (1 + place[2]) : 1 - place[2];
 }
 
-/* Vector to a light: the whole offset to a point light, a unit vector to a directional one. */
+/* Whole offset to a point light, unit vector to a directional one. */
 static void spsi_toward_light(const spsi_light *light, const double point[3], double toward[3]) {
     if (light->is_point) {
         spsi_along(light->position, point, -1, toward);
@@ -8638,13 +8636,12 @@ static void spsi_toward_light(const spsi_light *light, const double point[3], do
 }
 
 /* =========================================================================================== >>projectors
-   16 Projected textures (cookies): read once per call, mipmapped, looked up along the light's rays. Lookups interpolate
-   mip levels linearly in pixel size. Cost: 4 floats per texel; a lookup gathers 12 texels, or 24 between two levels. */
+   16 Projected textures (cookies): read once per call, mipmapped, looked up along the light's rays. Mip levels are
+   interpolated linearly in pixel size. Cost: 4 floats per texel; a lookup gathers 12 texels, or 24 between levels. */
 
-#define SPSI_IMAGE_ROW_FLOATS 5 /* per texel of the row being read: a place and a color */
+#define SPSI_IMAGE_ROW_FLOATS 5 /* per texel of a row: place and color */
 
-/* Lays out the mip levels in memory (NULL: only counts). Each level halves the axis with the shorter texels, or both if
-   texels are about square. */
+/* Lays out the mip levels (NULL: only counts). Each halves the axis of shorter texels, or both if about square. */
 SPSI_COLD void spsi_image_lay_out(const spsi_projection *projection, float *memory, uint64_t *laid, spsi_image *image) {
     int size[2] = {projection->given.width, projection->given.height}, level = 0;
     double edge[2] = {projection->edge[0], projection->edge[1]}, shortest = spsi_dmin(edge[0], edge[1]);
@@ -8718,7 +8715,7 @@ SPSI_COLD sps_result spsi_image_read(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* First of up to three texels in a row of `fine` under texel i of a row of `coarse`, and their weights. */
+/* First of up to three fine texels under coarse texel i, and their weights. */
 SPSI_COLD int spsi_halving(int fine, int coarse, int i, float shares[3]) {
     const double per = (double)fine / coarse, low = i * per, high = low + per;
     const int first = (int)low;
@@ -8768,7 +8765,7 @@ SPSI_COLD sps_result spsi_gather_images(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* True if any lane may hit the image, which fades out within 2 `size` texels of its edges. */
+/* True if any lane may hit the image, which fades out within 2 `size` texels. */
 static int spsi_image_meets(const spsi_image *image, spsi_v x, spsi_v y, spsi_v size) {
     const spsi_v margin = spsi_add(spsi_max(size, spsi_set(1)), size), before = spsi_sub(spsi_set(0), margin);
     const spsi_v after_x = spsi_add(margin, spsi_set((float)image->width[0]));
@@ -8787,7 +8784,7 @@ static void spsi_image_lookup(const spsi_image *image, spsi_v x, spsi_v y, spsi_
         const float scale_x = (float)(width - 2) / (float)(image->width[0] - 2);
         const float scale_y = (float)(height - 2) / (float)(image->height[0] - 2);
         const float *edge = &image->edge[level];
-        /* linear in size between the neighbour levels' edges */
+        /* linear in size between levels */
         spsi_v before = one, after = one, share, u, v;
         if (level > 0) before = spsi_mul(spsi_sub(size, spsi_set(edge[-1])), spsi_set(1 / (edge[0] - edge[-1])));
         if (level + 1 < image->level_count)
@@ -8803,7 +8800,7 @@ static void spsi_image_lookup(const spsi_image *image, spsi_v x, spsi_v y, spsi_
     }
 }
 
-/* Projected color at places in the light's frame, for pixels of world size `pixel`. Black behind the light. */
+/* Color at places in the light's frame, for pixels of world size `pixel`; black behind the light. */
 static void spsi_projection_lookup(const spsi_frame *frame, const spsi_light *light, const spsi_v place[3],
                                    spsi_v pixel, spsi_v rgb[3]) {
     const spsi_projection *projection = &light->projection;
@@ -8837,40 +8834,39 @@ static void spsi_projection_at(const spsi_frame *frame, const spsi_light *light,
 }
 
 /* ============================================================================================ >>depthmaps
-   17 Depth maps: polygons between the medium and a light. Cost: the rasteriser's, plus 12 bytes per texel; six faces
-   have 1.5 times the texels of one. */
+   17 Depth maps: polygons between the medium and a light. Cost: the rasteriser's, and 12 bytes per texel; six faces
+   have 1.5 times one's texels. */
 
 #define SPSI_CELL      16 /* texels along a side of a cell */
 #define SPSI_STEEP 1024 /* maximum slope of a plane, in texels per texel */
 
-/* Per texel, the plane of the polygon nearest to the light, evaluated on the medium's own ray. A plane shades nothing
-   in front of it, however slanted. Texels show only at polygon edges. */
+/* Per texel, the plane of the nearest polygon, evaluated on the medium's ray. Planes shade nothing in front, however
+   slanted; texels show only at edges. */
 typedef struct spsi_depth_map {
-    int face_count; /* 0: no polygon; 6: a point light within the medium; else 1 */
+    int face_count; /* 0: no polygon; 6: point light within the medium; else 1 */
     spsi_rays rays[SPSI_CUBE_FACES];
     float *depths[SPSI_CUBE_FACES];    /* at texel centres, t - depth_reference; infinity: no polygon */
     float *slopes[SPSI_CUBE_FACES][2]; /* change of depth per texel along x and y */
-    float *nearest[SPSI_CUBE_FACES];   /* minimum depth per cell and its neighbours; then per cell alone */
+    float *nearest[SPSI_CUBE_FACES];   /* minimum depth per cell and its neighbours; then per cell */
     int cells[SPSI_CUBE_FACES];        /* per row */
-    /* map coordinates along the eye's rays; t is relative to the map's depth reference */
+    /* map coordinates along the eye's rays, t relative to the map's depth reference */
     spsi_linear along[SPSI_CUBE_FACES][3];
 } spsi_depth_map;
 
-/* Texels on a side of a depth map: may exceed the light's sheets, since it is cheap. */
+/* May be finer than the light's sheets, since it is cheap. */
 SPSI_COLD int spsi_depth_map_size(const spsi_frame *frame) {
     return spsi_imax(8, spsi_imax(frame->view.shadow_resolution, frame->accuracy.depth_map_texels));
 }
 
 static int spsi_depth_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
 
-/* Maximum for a face of `size` texels on a side, or six of half that size. */
+/* Upper bound for one face of `size` texels, or six of half that. */
 SPSI_COLD size_t spsi_depth_map_floats_most(size_t size) {
     const size_t cells = size / SPSI_CELL + 2, texels = size * size / 2 * 3 + SPSI_CUBE_FACES * 64;
     return 3 * texels + 2 * SPSI_CUBE_FACES * cells * cells;
 }
 
-/* Lays out a depth map in memory (NULL: only counts), and returns its floats. `first`: list starts of a translucency
-   map, or NULL. */
+/* Returns the number of floats (memory NULL: only counts). `first`: list starts of a translucency map, or NULL. */
 SPSI_COLD size_t spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, float *memory) {
     uint64_t laid = 0;
     for (int face = 0; face < map->face_count; ++face) {
@@ -8885,7 +8881,7 @@ SPSI_COLD size_t spsi_depth_map_lay_out(spsi_depth_map *map, uint32_t **first, f
     return (size_t)laid;
 }
 
-/* Fits one face to the medium, with texels of up to `texel`; six if no cone from a point light covers the medium. */
+/* Fits one face, no finer than `texel` (0: `size` texels), or six if no cone covers the medium. */
 SPSI_COLD void spsi_depth_map_aim(const spsi_frame *frame, const spsi_light *light, int size, double texel,
                                   spsi_depth_map *map) {
     map->face_count = 1;
@@ -8905,7 +8901,7 @@ typedef struct spsi_translucent_plane {
 
 /* All translucent faces on each texel's ray. */
 typedef struct spsi_translucency_map {
-    spsi_depth_map grid;              /* only `nearest` is used: that of translucent planes */
+    spsi_depth_map grid;              /* only `nearest` is used */
     uint32_t *first[SPSI_CUBE_FACES]; /* per texel: start in `list` */
     spsi_translucent_plane *list[SPSI_CUBE_FACES];
     size_t counts[SPSI_CUBE_FACES];
@@ -8915,12 +8911,11 @@ typedef struct spsi_planes_job {
     const spsi_faces *faces;
     const spsi_depth_map *map;
     int face;
-    const spsi_translucency_map *translucent; /* its grid is `map`; NULL: opaque polygons */
+    const spsi_translucency_map *translucent; /* NULL: opaque; else `map` is its grid */
     const spsi_fragment *fragments;
 } spsi_planes_job;
 
-/* A plane on a depth map's rays. With normal n and a texel's ray r, t changes by -(n.a) / (n.r) per texel, times t in
-   perspective. */
+/* With normal n and a texel's ray r, a plane's t changes by -(n.a) / (n.r) per texel, times t in perspective. */
 typedef struct spsi_map_plane {
     const spsi_faces *faces;
     const spsi_rays *rays;
@@ -8938,13 +8933,13 @@ static void spsi_map_plane_build(spsi_map_plane *plane, int number) {
     plane->number = number;
 }
 
-/* The slope -t (n.a) / (n.r), clamped at grazing rays. */
+/* Slope -t (n.a) / (n.r), clamped at grazing rays. */
 static float spsi_map_slope(double across, double facing, double t, double steepest) {
     const double slope = -t * across / facing;
     return (float)(slope >= -steepest && slope <= steepest ? slope : slope > 0 ? steepest : -steepest);
 }
 
-/* Slopes of a face's plane at a texel of this depth. Lowers the texel's cell to the plane's minimum within a texel. */
+/* Slopes of a face's plane at a texel. Lowers its cell to the plane's minimum within a texel. */
 static void spsi_map_plane_slopes(spsi_map_plane *plane, int number, int x, int y, float depth, float slope[2],
                                   float *cells) {
     double ray[3], facing, t = 1;
@@ -8957,8 +8952,7 @@ static void spsi_map_plane_slopes(spsi_map_plane *plane, int number, int x, int 
     cells[x / SPSI_CELL] = spsi_fmin(cells[x / SPSI_CELL], depth - fabsf(slope[0]) - fabsf(slope[1]));
 }
 
-/* Fills a row of translucent planes from fragments, or replaces the rasteriser's face numbers by slopes. Lowers the
-   row's cells. */
+/* Makes translucent planes from fragments, or slopes from the rasteriser's face numbers. Lowers the row's cells. */
 static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
     const spsi_rays *rays = &job->map->rays[job->face];
     const uint32_t *first = job->translucent ? job->translucent->first[job->face] : NULL;
@@ -8990,7 +8984,7 @@ static void spsi_planes_task(void *data, int index) {
     for (int y = index * SPSI_CELL; y < spsi_imin(height, (index + 1) * SPSI_CELL); ++y) spsi_planes_row(job, y, cells);
 }
 
-/* Minimum depths of each cell and its neighbours, from the cells alone, which follow. */
+/* Minima of each cell and its neighbours, from the single cells, which follow. */
 static void spsi_cells_spread(float *nearest, int columns, int rows) {
     const float *alone = nearest + (size_t)columns * (size_t)rows;
     for (int y = 0; y < rows; ++y)
@@ -9003,14 +8997,14 @@ static void spsi_cells_spread(float *nearest, int columns, int rows) {
         }
 }
 
-/* Replaces a face's rasterised numbers by planes, and fills its cells. */
+/* Planes and cells of a rasterised face. */
 static void spsi_planes_fill(sps_context *context, spsi_planes_job *job) {
     const int rows = spsi_depth_map_cells(job->map->rays[job->face].height);
     spsi_parallel_items(context, rows, spsi_planes_task, job);
     spsi_cells_spread(job->map->nearest[job->face], job->map->cells[job->face], rows);
 }
 
-/* True if an opaque polygon may reach into the map; mostly the first one decides. */
+/* True if an opaque polygon may reach into the map; mostly the first decides. */
 SPSI_COLD int spsi_depth_map_met(const spsi_faces *faces, const spsi_depth_map *map) {
     for (int i = 0; i < faces->count; ++i)
         for (int face = 0; face < map->face_count && !spsi_face_is_translucent(&faces->list[i]); ++face) {
@@ -9023,7 +9017,6 @@ SPSI_COLD int spsi_depth_map_met(const spsi_faces *faces, const spsi_depth_map *
 
 /* --- looking up a depth map --- */
 
-/* Prepares lookups along the eye's rays. */
 SPSI_COLD void spsi_depth_map_follow(const spsi_rays *eye, spsi_depth_map *map) {
     for (int face = 0; face < map->face_count; ++face)
         for (int i = 0; i < 3; ++i)
@@ -9031,14 +9024,14 @@ SPSI_COLD void spsi_depth_map_follow(const spsi_rays *eye, spsi_depth_map *map) 
                               i == 2 ? -map->rays[face].depth_reference : 0, &map->along[face][i]);
 }
 
-/* Segments d[0]..d[1] of the eye's rays, projected onto a face of a depth map. */
+/* Segments d[0]..d[1] of the eye's rays on a face. */
 typedef struct spsi_map_segment {
-    spsi_v middle[3], rise[3]; /* middle, relative to texel `first`, and half the extent */
+    spsi_v middle[3], rise[3]; /* relative to `first`: middle, and half the extent */
     spsi_v first[2];           /* first of the four texels around the middle */
     spsi_m inside;             /* lanes on the face */
 } spsi_map_segment;
 
-/* Texels and depths of segments' ends; t: distances from a point light along the face's axis. */
+/* Texels and depths of segments' ends; t: distance along the face's axis. */
 static inline void spsi_map_ends(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
                                  spsi_v q[2][3], spsi_v t[2]) {
     const spsi_rays *rays = &map->rays[face];
@@ -9052,7 +9045,7 @@ static inline void spsi_map_ends(const spsi_depth_map *map, int face, spsi_v at,
     }
 }
 
-/* Clamps a segment's middle to the grid, and finds the four texels around it. */
+/* Clamps the middle to the grid, and finds its four texels. */
 static inline void spsi_map_segment_place(const spsi_rays *rays, spsi_map_segment *way) {
     for (int i = 0; i < 2; ++i) {
         const float last = (float)(i == 0 ? rays->width - 1 : rays->height - 1);
@@ -9079,9 +9072,8 @@ static inline void spsi_map_segment_build(const spsi_depth_map *map, int face, s
     spsi_map_segment_place(rays, way);
 }
 
-/* Fraction of a segment in front of the plane of the i-th of four texels. The distance to the plane is linear: `ahead`
-   in the middle, and `per` more or less at the ends. In perspective, a plane of slope g rises by g / (1 - g / t) from
-   the texel's depth t. */
+/* Fraction of a segment in front of the plane of texel i. Its distance is linear: `ahead` in the middle, `per` more or
+   less at the ends. In perspective, slope g rises by g / (1 - g / t) from the texel's depth t. */
 static inline spsi_v spsi_map_segment_fraction(const spsi_map_segment *way, const spsi_rays *rays, int i, spsi_v depth,
                                                const spsi_v slope[2]) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f),
@@ -9102,7 +9094,7 @@ static inline spsi_v spsi_map_segment_mean(const spsi_map_segment *way, const sp
                     way->middle[1]);
 }
 
-/* Fraction of a segment that a face leaves lit; 1 outside of its grid. */
+/* Lit fraction of a segment; 1 outside of the grid. */
 static inline spsi_v spsi_depth_map_fraction(const spsi_depth_map *map, int face, spsi_v at, float y,
                                              const spsi_v d[2]) {
     const spsi_rays *rays = &map->rays[face];
@@ -9119,8 +9111,8 @@ static inline spsi_v spsi_depth_map_fraction(const spsi_depth_map *map, int face
     return spsi_select(way.inside, spsi_map_segment_mean(&way, share), spsi_set(1));
 }
 
-/* Mask of lanes whose segments a face may shade: one cell lookup, which spares most slabs four texels' planes.
-   Undecided in *wide: ends too far from the middle's cell, or on both sides of the light. */
+/* Mask of lanes that a face may shade: one cell lookup saves most slabs four texels. Undecided in *wide: ends far from
+   the middle's cell, or on both sides of the light. */
 static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
                                           int *wide) {
     const spsi_rays *rays = &map->rays[face];
@@ -9128,7 +9120,7 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, s
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), near_t = spsi_set(FLT_MIN * 16);
     spsi_v q[2][3], t[2], cell[2];
     spsi_map_ends(map, face, at, y, d, q, t);
-    /* masks of lanes that miss the face, and that lie on both sides of the light */
+    /* lanes that miss the face; lanes on both sides of the light */
     int clear = spsi_bits(spsi_less(spsi_max(t[0], t[1]), near_t));
     const int crossing = spsi_bits(spsi_less(spsi_min(t[0], t[1]), near_t));
     *wide = crossing;
@@ -9144,7 +9136,7 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, s
                                         spsi_max(q[0][2], q[1][2])));
 }
 
-/* True if a face may shade any segment. Wide ones, from thick slabs, are tested in parts. */
+/* True if any segment may be shaded. Wide ones, from thick slabs, are split. */
 static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2]) {
     const int parts = 4;
     const spsi_v step = spsi_mul(spsi_sub(d[1], d[0]), spsi_set(1 / (float)parts));
@@ -9160,7 +9152,7 @@ static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, 
 
 /* --- translucent polygons --- */
 
-/* Counts (listing 0) or lists a face's translucent planes. */
+/* Counts (listing 0) or lists a face's planes. */
 SPSI_COLD void spsi_translucent_planes_raster(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                               spsi_translucency_map *map, int face, int listing) {
     spsi_layers_job job;
@@ -9179,7 +9171,7 @@ SPSI_COLD void spsi_translucent_planes_raster(sps_context *context, const spsi_f
         map->counts[face] = spsi_fragments_count(context, &job);
 }
 
-/* Lists all planes of a map whose fragments have been counted. */
+/* Fragments must have been counted. */
 SPSI_COLD void spsi_translucency_map_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                           spsi_translucency_map *map) {
     spsi_planes_job job = {faces, &map->grid, 0, map, NULL};
@@ -9190,7 +9182,7 @@ SPSI_COLD void spsi_translucency_map_fill(sps_context *context, const spsi_frame
     }
 }
 
-/* Projects the middle and, to first order, the extent, since either end may miss the face. */
+/* Projects the extent to first order, since either end may miss the face. */
 static void spsi_translucent_segment_build(const spsi_translucency_map *map, int face, spsi_v at, float y,
                                            const spsi_v d[2], spsi_map_segment *way) {
     const spsi_rays *rays = &map->grid.rays[face];
@@ -9209,12 +9201,12 @@ static void spsi_translucent_segment_build(const spsi_translucency_map *map, int
     spsi_map_segment_place(rays, way);
 }
 
-/* The n-th planes of a vector of texels, and their color transmittance. */
+/* The n-th planes of a vector of texels, and their transmittance. */
 typedef struct spsi_translucent_planes {
     float depth[SPSI_LANES], slope[2][SPSI_LANES], passes[3][SPSI_LANES];
 } spsi_translucent_planes;
 
-/* Finds them at the i-th texels around segments; missing ones are infinitely far. Returns 0 if all are missing. */
+/* Finds planes at texel i of segments, or infinitely far ones. Returns 0 if there are none. */
 static int spsi_translucent_planes_find(const spsi_translucency_map *map, int face, const spsi_faces *faces,
                                         const spsi_map_segment *way, int i, uint32_t n,
                                         spsi_translucent_planes *translucent) {
@@ -9237,7 +9229,7 @@ static int spsi_translucent_planes_find(const spsi_translucency_map *map, int fa
     return any;
 }
 
-/* Transmittance of the four texels' translucent planes: each filters the fraction of the segment behind it. */
+/* Each plane filters the fraction of the segment behind it. */
 static void spsi_translucent_transmittance(const spsi_translucency_map *map, int face, const spsi_faces *faces,
                                            const spsi_map_segment *way, spsi_v through[3]) {
     const spsi_v one = spsi_set(1);
@@ -9257,8 +9249,7 @@ static void spsi_translucent_transmittance(const spsi_translucency_map *map, int
     for (int c = 0; c < 3; ++c) through[c] = spsi_map_segment_mean(way, texels[c]);
 }
 
-/* Color transmittance of translucent polygons between a light's point and segments. Uses the cube face along whose axis
-   the middle is farthest. */
+/* Color transmittance of translucent polygons. Uses the face along whose axis a segment's middle is farthest. */
 static void spsi_translucency_map_filter(const spsi_translucency_map *map, const spsi_faces *faces, spsi_v at, float y,
                                          const spsi_v d[2], spsi_v filter[3]) {
     const spsi_v middle = spsi_mul(spsi_set(0.5f), spsi_add(d[0], d[1]));
@@ -9285,31 +9276,31 @@ static void spsi_translucency_map_filter(const spsi_translucency_map *map, const
 
 /* ================================================================================================ >>spheres
    18 Particles as spheres. A ray of direction e meets a sphere of radius r about C in a chord. Its middle is t = C.e /
-   e.e and its half length sqrt(1 - d^2) r, where d r = |C x e| / |e|. Relative to the sphere's centre these are short
-   polynomials in pixels and t, which are precise in floats. Spheres near or around the rays' origin are intersected one
-   ray at a time. Cost: 15 operations per vector of pixels. */
+   e.e, its half length sqrt(1 - d^2) r, with d r = |C x e| / |e|. Relative to the centre, these are polynomials that
+   floats resolve. Spheres near the rays' origin are intersected one ray at a time. Cost: 15 operations per vector of
+   pixels. */
 
-/* A sphere is near if it is within SPSI_SPHERE_NEAR radii of the origin's plane. Also if the cosine to the axis is
-   below SPSI_SPHERE_ASIDE, where pixels are stretched. */
+/* A sphere is near within SPSI_SPHERE_NEAR radii of the origin's plane, or below a cosine SPSI_SPHERE_ASIDE to the
+   axis, where pixels stretch. */
 #define SPSI_SPHERE_NEAR  4.0
 #define SPSI_SPHERE_ASIDE 0.05
-#define SPSI_SPHERE_LEAST 0.75 /* minimum radius in pixels; smaller spheres could fall between rays */
+#define SPSI_SPHERE_LEAST 0.75 /* minimum radius in pixels: smaller ones could miss all rays */
 
-/* Radii in pixels above which chords alone conserve a sphere's mass, in images to 2 %. */
+/* Radii in pixels above which chords conserve mass, in images to 2 %. */
 #define SPSI_SPHERE_COARSE       4.0
 #define SPSI_SPHERE_COARSE_LIGHT 1.5
 
-/* A sphere, with (dx, dy) a pixel's offset from the centre, e its ray and c the centre's. With p = tilt . (dx, dy) and
+/* (dx, dy): a pixel's offset from the centre; e: its ray; c: the centre's. With p = tilt . (dx, dy) and
    q = bend[0] dx^2 + 2 bend[1] dx dy + bend[2] dy^2, e.e / c.c = 1 + 2p + q in perspective. */
 typedef struct spsi_sphere {
-    int x0, y0, x1, y1; /* bounding box in pixels, inclusive; x1 < x0: empty */
+    int x0, y0, x1, y1; /* pixel box, inclusive; x1 < x0: empty */
     float x, y;         /* centre, relative to (x0, y0) */
     float t;            /* centre, t - depth_reference */
-    float radius;       /* in t, at the centre */
+    float radius;       /* t */
     float cross[3];     /* d^2 e.e / c.c = cross[0] dx^2 + 2 cross[1] dx dy + cross[2] dy^2 */
-    float tilt[2];      /* for p */
-    float bend[3];      /* for q; 0 without perspective */
-    float shift;        /* the chord's middle is shift (p + q) / (e.e / c.c) behind the centre */
+    float tilt[2];      /* p */
+    float bend[3];      /* q; 0 without perspective */
+    float shift;        /* chord's middle: shift (p + q) / (e.e / c.c) behind the centre */
     float depth;        /* optical depth of the diameter */
     int soft;           /* 1: densest in the middle */
     float offset[3];    /* centre, from the rays' origin */
@@ -9324,16 +9315,16 @@ typedef struct spsi_chord {
     spsi_v share;  /* half length per radius; 0: missed */
 } spsi_chord;
 
-/* Distance along the rays, in t, equal for all faces of a cube; 1 without perspective. */
+/* In t, equal for all faces of a cube; 1 without perspective. */
 static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
     if (!rays->perspective) return 1;
     if (rays->is_cube_face) return spsi_dmax(fabs(offset[0]), spsi_dmax(fabs(offset[1]), fabs(offset[2])));
     return spsi_dmax(spsi_dot(rays->inverse[2], offset), 0);
 }
 
-/* Optical depth of a sphere widened until its own area is a fraction of the new one, with equal total absorption. The
-   outline's transmittance is fitted by f^-2, or f^-2/3 if soft. The fit is within 1 % of a homogeneous sphere, 1 - 2 (1
-   - (1 + d) e^-d) / d^2, and 2 % of a soft one. */
+/* Optical depth of a sphere widened to area / `share`, with equal total extinction. The outline's transmittance is
+   fitted by f^-2, or f^-2/3 if soft. Errors are 1 % of a homogeneous sphere's 1 - 2 (1 - (1 + d) e^-d) / d^2, and 2 %
+   if soft. */
 static double spsi_sphere_widen(double depth, int soft, double share) {
     const double a = soft ? 0.6 : 1.0 / 3, b = soft ? 0.566 : 0.374, c = soft ? 3.6 : 7;
     const double f = 1 + depth * (a + b * depth / (depth + c)), passes = 1 / (soft ? cbrt(f * f) : f * f);
@@ -9348,7 +9339,7 @@ static double spsi_sphere_radius(const spsi_rays *rays, const sps_particle *part
     return spsi_dmax((double)particle->radius, SPSI_SPHERE_LEAST * rays->pixel * spsi_distance_to(rays, offset));
 }
 
-/* Sets the optical depth of a sphere widened to `radius`. Below 1e-3 it falls with area, within 4e-4. */
+/* Below 1e-3, optical depth falls with the widened area, within 4e-4. */
 static void spsi_sphere_dilute(const spsi_particle_set *set, const sps_particle *particle, double radius,
                                spsi_sphere *sphere) {
     const double own = (double)particle->radius, share = own < radius ? (own / radius) * (own / radius) : 1;
@@ -9358,12 +9349,12 @@ static void spsi_sphere_dilute(const spsi_particle_set *set, const sps_particle 
     sphere->soft = set->soft;
 }
 
-/* A sphere's outline: a dx^2 + 2 b dx dy + c dy^2 - 2 d dx - 2 e dy = 1. */
+/* Outline: a dx^2 + 2 b dx dy + c dy^2 - 2 d dx - 2 e dy = 1. */
 typedef struct spsi_outline {
     double a, b, c, d, e;
 } spsi_outline;
 
-/* Range of pixels in the outline along dx, within 0 .. size - 1. */
+/* Pixels in the outline along dx, within 0 .. size - 1. */
 static void spsi_outline_range(const spsi_outline *outline, double centre, int size, int *first, int *last) {
     const double a = outline->a, b = outline->b, c = outline->c, d = outline->d, e = outline->e;
     const double square = a * c - b * b, half = c * d - b * e;
@@ -9375,7 +9366,7 @@ static void spsi_outline_range(const spsi_outline *outline, double centre, int s
     *last = (int)spsi_dmax(spsi_dmin(floor(centre + (half + root) / square), size - 1), -1);
 }
 
-/* Sets all that depends on rays. `c`: ray through the centre; `q`: its pixel and t. */
+/* `c`: ray through the centre; `q`: its pixel and t. */
 static void spsi_sphere_shape(const spsi_rays *rays, const double c[3], const double q[3], double radius,
                               spsi_sphere *sphere) {
     const double per_square = 1 / spsi_dot(c, c), t = rays->perspective ? q[2] : 1;
@@ -9407,9 +9398,8 @@ static void spsi_sphere_shape(const spsi_rays *rays, const double c[3], const do
     sphere->radius = (float)(radius * sqrt(per_square));
 }
 
-/* Range of pixels between the two tangent planes through the rays' origin: x solves (X - x T)^2 = r^2 |across - x
-   along|^2. A sphere that reaches behind the origin is bounded on one side only. It is unbounded if it contains the
-   planes' common line. */
+/* Pixels between the two tangent planes through the rays' origin: x solves (X - x T)^2 = r^2 |across - x along|^2.
+   Spheres that reach behind the origin are bounded on one side. They are unbounded around the planes' common line. */
 static void spsi_sphere_near_range(const double across[3], const double along[3], const double offset[3], double radius,
                                    int size, int *first, int *last) {
     const double x = spsi_dot(across, offset), t = spsi_dot(along, offset), square = radius * radius;
@@ -9455,7 +9445,7 @@ static double spsi_sphere_build(const spsi_rays *rays, const spsi_particle_set *
     return radius;
 }
 
-/* Intersects one ray with a near sphere; the chord is as in spsi_chord. Returns 0 if it misses. */
+/* Returns 0 if a ray misses a near sphere. The chord is as in spsi_chord. */
 static int spsi_sphere_meets(const spsi_rays *rays, const spsi_sphere *sphere, int x, int y, double chord[3]) {
     const double radius = (double)sphere->world_radius;
     double centre[3], e[3], nearest[3], square, middle, share;
@@ -9463,7 +9453,7 @@ static int spsi_sphere_meets(const spsi_rays *rays, const spsi_sphere *sphere, i
     spsi_ray_direction(rays, x, y, e);
     square = spsi_dot(e, e);
     middle = spsi_dot(centre, e) / square;
-    spsi_along(centre, e, -middle, nearest); /* from the ray's nearest point: avoids cancellation */
+    spsi_along(centre, e, -middle, nearest); /* avoids cancellation */
     share = 1 - spsi_dot(nearest, nearest) / (radius * radius);
     if (!(share > 0)) return 0;
     share = sqrt(share);
@@ -9485,7 +9475,7 @@ static void spsi_sphere_chord_near(const spsi_rays *rays, const spsi_sphere *sph
     chord->share = spsi_load(lanes[2]);
 }
 
-/* Chords at pixel offsets from a distant sphere's centre. Also valid outside of its box. */
+/* Also valid outside of a distant sphere's box. */
 static inline void spsi_sphere_chord_far(const spsi_rays *rays, const spsi_sphere *sphere, spsi_v dx, spsi_v dy,
                                          spsi_chord *chord) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0), twice = spsi_add(dy, dy), down = spsi_mul(dy, dy);
@@ -9518,20 +9508,20 @@ static inline void spsi_sphere_chord(const spsi_rays *rays, const spsi_sphere *s
     spsi_sphere_chord_far(rays, sphere, dx, dy, chord);
 }
 
-/* Optical depth of chords: the integral of 1, or of 1 - s^2 if soft. */
+/* Optical depth: the integral of 1, or of 1 - s^2 if soft. */
 static inline spsi_v spsi_chord_depth(const spsi_sphere *sphere, const spsi_chord *chord) {
     const spsi_v depth = spsi_mul(chord->share, spsi_set(sphere->depth));
     return sphere->soft ? spsi_mul(depth, spsi_mul(chord->share, chord->share)) : depth;
 }
 
-/* Fraction of a chord's mass before position v, clamped to -1..1. */
+/* Mass fraction before position v, clamped to -1..1. */
 static inline spsi_v spsi_chord_fraction(int soft, spsi_v v) {
     const spsi_v half = spsi_set(0.5f), s = spsi_clamp(v, spsi_set(-1), spsi_set(1));
     if (!soft) return spsi_fma(half, s, half);
     return spsi_fma(s, spsi_sub(spsi_set(0.75f), spsi_mul(spsi_set(0.25f), spsi_mul(s, s))), half);
 }
 
-/* Solid angle of a cube face's texel, relative to a central one. Edges count half, since two faces share them. */
+/* Solid angle of a cube texel, relative to a central one; edges count half per face. */
 static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
     const int edges = (x == 0 || x == rays->width - 1) + (y == 0 || y == rays->height - 1);
     double e[3];
@@ -9539,7 +9529,7 @@ static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
     return pow(spsi_dot(e, e), -1.5) * (edges == 0 ? 1 : edges == 1 ? 0.5 : 0.25);
 }
 
-/* Sum of chords, each 1 in the middle, over a box of texels. `round`: weighted by solid angle. */
+/* Sum of unit chords over a box of texels. `round`: weighted by solid angle. */
 static double spsi_sphere_sum(const spsi_rays *rays, const spsi_sphere *sphere, const int box[4], int round) {
     float lanes[SPSI_LANES];
     spsi_v sums = spsi_set(0);
@@ -9556,11 +9546,10 @@ static double spsi_sphere_sum(const spsi_rays *rays, const spsi_sphere *sphere, 
     return spsi_total(sums);
 }
 
-/* Mean of chords, which are 1 in the middle, over the outline. */
+/* Mean of unit chords over the outline. */
 static double spsi_sphere_mean(const spsi_sphere *sphere) { return sphere->soft ? 2.0 / 5 : 2.0 / 3; }
 
-/* Box of texels around a distant sphere, also beyond its face: an ellipse's. Returns the ellipse's area, or 0 at
-   grazing angles. */
+/* Texels of a distant sphere, also beyond its face. Returns the ellipse's area, or 0 at grazing angles. */
 static double spsi_sphere_box(const spsi_sphere *sphere, int box[4]) {
     const double a = (double)sphere->cross[0], b = (double)sphere->cross[1], c = (double)sphere->cross[2];
     const double square = a * c - b * b, x = sphere->x0 + (double)sphere->x, y = sphere->y0 + (double)sphere->y;
@@ -9573,7 +9562,7 @@ static double spsi_sphere_box(const spsi_sphere *sphere, int box[4]) {
     return SPSI_PI / sqrt(square);
 }
 
-/* Sum of a sphere's chords in all cube faces over the exact sum. Equal for all faces, so that there is no seam. */
+/* Sum of chords over all cube faces by the exact one. Equal for all faces, to avoid seams. */
 static double spsi_sphere_mass_round(const spsi_rays *own, const spsi_rays *faces, const spsi_particle_set *set,
                                      const sps_particle *particle, const spsi_sphere *sphere, const double offset[3]) {
     const double texel = spsi_length(own->a) * spsi_length(offset), radius = spsi_sphere_radius(own, particle, offset);
@@ -9593,13 +9582,13 @@ static double spsi_sphere_mass_round(const spsi_rays *own, const spsi_rays *face
     return sum * texel * texel / (SPSI_PI * radius * radius * spsi_sphere_mean(sphere));
 }
 
-/* Makes a small sphere's mass exact wherever its centre lies among texels. Applies up to radii of 2/3 `coarse` texels,
-   and fades out towards `coarse`. `faces`: a cube, to be counted together; NULL: a single face. */
+/* Makes a small sphere's mass exact wherever its centre lies among texels. Full up to radii of 2/3 `coarse` texels,
+   fading towards `coarse`. `faces`: a cube, counted together; NULL: one face. */
 static void spsi_sphere_weigh(const spsi_rays *rays, const spsi_rays *faces, double coarse,
                               const spsi_particle_set *set, const sps_particle *particle, spsi_sphere *sphere) {
     double centre[3], offset[3], texel, share, mass;
     int box[4];
-    /* most spheres are larger: the sum of inverse squares of the outline's half axes is small */
+    /* most are larger: their outlines' inverse square half axes have a small sum */
     if (!sphere->near_by && (double)sphere->cross[0] + (double)sphere->cross[2] < 1 / (coarse * coarse)) return;
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     spsi_along(centre, rays->origin, -1, offset);
@@ -9615,12 +9604,12 @@ static void spsi_sphere_weigh(const spsi_rays *rays, const spsi_rays *faces, dou
 }
 
 /* ============================================================================================== >>slicing
-   19 Slabs. They are perpendicular to s = normalise(e + l), with e and l the directions of the eye's and the light's
-   rays, or to normalise(l - e) beyond a right angle. |l +- e| >= sqrt 2, so s never degenerates. Light crosses slabs
-   along s; in the second case the eye composites back to front. [Zhang & Crawfis, section 4] */
+   19 Slabs. They are perpendicular to s = normalise(e + l), with ray directions e of the eye and l of the light. Beyond
+   a right angle, s = normalise(l - e), and the eye composites back to front. |l +- e| >= sqrt 2, so s never
+   degenerates; light always crosses slabs along s. [Zhang & Crawfis, section 4] */
 
-#define SPSI_COSINE_MIN  0.1  /* minimum of a ray with s, which then crosses a slab within 10 thicknesses */
-#define SPSI_COSINE_EVEN 0.35 /* below this, slabs are halved; the middle ray has 0.71 or more */
+#define SPSI_COSINE_MIN  0.1  /* minimum with s: rays cross a slab within 10 thicknesses */
+#define SPSI_COSINE_EVEN 0.35 /* slabs are halved below; the middle ray has 0.71 or more */
 #define SPSI_SLAB_TEXELS 8    /* maximum thickness, in light texels, of slabs widened to pixels */
 
 typedef struct spsi_slabs {
@@ -9632,7 +9621,7 @@ typedef struct spsi_slabs {
     int wide;  /* 1: thicker than voxels, since pixels are wide */
 } spsi_slabs;
 
-/* Slab coordinate of a point; its integer part is the slab's number. */
+/* The integer part is the slab's number. */
 static double spsi_slab_at(const spsi_slabs *slabs, const double point[3]) {
     return (spsi_dot(slabs->normal, point) - slabs->start) / slabs->thickness;
 }
@@ -9658,7 +9647,7 @@ typedef struct spsi_sweep {
     int soft;       /* 1: penumbrae exceed half a texel */
 } spsi_sweep;
 
-/* Minimum cosine between s and rays through a grid's corners. */
+/* Minimum over the rays through a grid's corners. */
 SPSI_COLD double spsi_cosine_to_corners(const double s[3], const spsi_rays *rays) {
     double least = 1;
     for (int corner = 0; corner < 4; ++corner) {
@@ -9676,7 +9665,7 @@ SPSI_COLD int spsi_bounds_hold(const spsi_bounds *bounds, const double point[3])
     return inside;
 }
 
-/* Minimum cosine between s and rays to the corners of `bounds`; -1 from inside. */
+/* Minimum over the rays to corners of `bounds`; -1 from inside. */
 SPSI_COLD double spsi_cosine_to_bounds(const double s[3], const double from[3], const spsi_bounds *bounds) {
     const int inside = spsi_bounds_hold(bounds, from);
     double least = 1;
@@ -9691,9 +9680,9 @@ SPSI_COLD double spsi_cosine_to_bounds(const double s[3], const double from[3], 
 }
 
 /* --- parts of the image ---
-   One slab direction cannot serve all rays of a very wide camera. The image is cut where its rays are perpendicular to
-   its plane, into halves or quarters with their own slabs. A quarter's rays lie within an octant, and cross slabs about
-   its middle at a cosine of 0.25 or more. */
+   No slab direction serves all rays of a very wide camera. Its image is cut where rays are perpendicular to it, into
+   halves or quarters with their own slabs. A quarter's rays lie within an octant, and cross slabs about its middle at a
+   cosine of 0.25 or more. */
 
 /* Number of parts; sweeps with sheets need the whole image. */
 SPSI_COLD int spsi_subslab_count(const spsi_frame *frame) {
@@ -9728,7 +9717,7 @@ SPSI_COLD void spsi_subslab_direction(const spsi_rays *eye, double direction[3])
     spsi_normalise(direction);
 }
 
-/* Clears a sweep for the n-th part of the image. `light`: of its sheets; NULL: none. */
+/* `light`: whose sheets it has; NULL: none. */
 SPSI_COLD void spsi_sweep_clear(const spsi_frame *frame, const spsi_light *light, int part, spsi_sweep *sweep) {
     double *corner = frame->content->eye.perspective ? sweep->eye.c : sweep->eye.origin;
     memset(sweep, 0, sizeof *sweep);
@@ -9750,15 +9739,14 @@ SPSI_COLD void spsi_eye_axis(const spsi_rays *eye, double axis[3]) {
     spsi_normalise(axis);
 }
 
-/* True if corner rays cross slabs about the camera's axis too obliquely, so that parts serve better. */
+/* True if corner rays cross slabs about the axis too obliquely. */
 static int spsi_eye_is_wide(const spsi_frame *frame) {
     double axis[3];
     spsi_eye_axis(&frame->content->eye, axis);
     return spsi_cosine_to_corners(axis, &frame->content->eye) < SPSI_COSINE_EVEN;
 }
 
-/* Middle direction of the eye's rays: towards the medium's middle if all of it is in front, else along the camera's
-   axis. */
+/* Towards the medium's middle if all of it is in front of the eye, else along the camera's axis. */
 SPSI_COLD void spsi_eye_direction(const spsi_frame *frame, double direction[3]) {
     const spsi_rays *eye = &frame->content->eye;
     double axis[3], centre[3], to_centre[3];
@@ -9776,7 +9764,7 @@ SPSI_COLD const char *spsi_gases(const spsi_frame *frame) {
     return frame->particles.set_count > 0 ? "volumes or particles" : "volumes";
 }
 
-/* Fails, with a remedy: a ray meets slabs at too small a cosine, no cone covers the medium, or texels coincide. */
+/* Fails: a ray meets slabs at too small a cosine, no cone covers the medium, or texels coincide. */
 SPSI_COLD sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
     const double cosine = sweep->cosine_of_light < SPSI_COSINE_MIN ? sweep->cosine_of_light : 0;
     char rest[SPSI_SENTENCE_SIZE] = SPSI_TEXELS_ALIKE;
@@ -9793,7 +9781,6 @@ SPSI_COLD sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_fr
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, sweep->light->index, "", cosine, rest);
 }
 
-/* Fails because of the camera's rays. */
 SPSI_COLD sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
     const sps_camera *seen = &frame->view.camera;
     const double value = seen->field_of_view > 0 ? seen->field_of_view : seen->ortho_height;
@@ -9813,7 +9800,7 @@ SPSI_COLD sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_f
                           frame->has_matrix ? 0 : value, rest);
 }
 
-/* Minimum cosine between s and a light's rays through the medium. */
+/* Minimum over a light's rays through the medium. */
 SPSI_COLD double spsi_cosine_of_light(const spsi_frame *frame, const spsi_light *light, const double s[3]) {
     double least = HUGE_VAL;
     for (int i = 0; i < light->point_count; ++i) {
@@ -9824,7 +9811,7 @@ SPSI_COLD double spsi_cosine_of_light(const spsi_frame *frame, const spsi_light 
     return least;
 }
 
-/* Orients slabs to the sweep's light, if any, and a middle eye direction. Returns 1 if they serve all rays. */
+/* Orients slabs to the light, if any, and an eye direction. Returns 1 if they serve all rays. */
 SPSI_COLD int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi_sweep *sweep) {
     double toward[3], centre[3];
     memcpy(sweep->slabs.normal, eye, sizeof sweep->slabs.normal);
@@ -9846,8 +9833,7 @@ SPSI_COLD int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi
     return sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye >= SPSI_COSINE_MIN;
 }
 
-/* Chooses s: towards the medium, or else about the camera's axis; for a part of the image, about its middle. Returns 1
-   on success. */
+/* Slabs face the medium, or else the camera's axis; for a part, its middle. Returns 1 on success. */
 SPSI_COLD int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
     double eye[3], axis[3];
     if (!sweep->light && spsi_subslab_count(frame) > 1) {
@@ -9860,9 +9846,9 @@ SPSI_COLD int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
     return spsi_sweep_turn(frame, axis, sweep) || spsi_sweep_turn(frame, eye, sweep);
 }
 
-/* Voxel length that sizes slabs for a ray: the chord through a voxel's centre, halved or quartered for grazing rays.
-   Powers of 1/2 keep slabs in place as a light turns, so that errors do not flicker. The chord, 1 / sqrt(d' (V V')^-1
-   d), is the edge of a cube. In flat or slanted voxels it is much shorter than the kernel's extent. */
+/* Voxel length that sizes slabs for a ray: its chord through a voxel's centre, halved or quartered at grazing angles.
+   Powers of 1/2 keep slabs in place as a light turns, to avoid flicker. The chord 1 / sqrt(d' (V V')^-1 d) is a cube's
+   edge, but much shorter than the kernel in flat or slanted voxels. */
 SPSI_COLD double spsi_slab_chord(const spsi_lattice *lattice, const double s[3], const double ray[3]) {
     const double cosine = fabs(spsi_dot(s, ray));
     const double share = cosine >= SPSI_COSINE_EVEN ? 1 : cosine >= SPSI_COSINE_EVEN / 2 ? 0.5 : 0.25;
@@ -9873,7 +9859,7 @@ SPSI_COLD double spsi_slab_chord(const spsi_lattice *lattice, const double s[3],
     return share / sqrt(sum);
 }
 
-/* Minimum of spsi_slab_chord over rays from a point to the corners and middle of `bounds`. */
+/* Minimum for rays from a point to the corners and middle of `bounds`. */
 SPSI_COLD double spsi_chord_to_bounds(const spsi_lattice *lattice, const double s[3], const double from[3],
                                       const spsi_bounds *bounds) {
     double least = HUGE_VAL;
@@ -9889,8 +9875,7 @@ SPSI_COLD double spsi_chord_to_bounds(const spsi_lattice *lattice, const double 
     return least;
 }
 
-/* Minimum of spsi_slab_chord over a grid's corner and middle rays, or over rays that can meet the medium, whichever is
-   larger. */
+/* Minimum over corner and middle rays, or over rays that can meet the medium, whichever is larger. */
 SPSI_COLD double spsi_chord_of_rays(const spsi_frame *frame, const spsi_lattice *lattice, const double s[3],
                                     const spsi_rays *rays) {
     double least = HUGE_VAL;
@@ -9904,8 +9889,8 @@ SPSI_COLD double spsi_chord_of_rays(const spsi_frame *frame, const spsi_lattice 
     return spsi_dmax(least, spsi_chord_to_bounds(lattice, s, rays->origin, &frame->content->bounds));
 }
 
-/* Voxel length that sizes slabs. Classified values must change little per slab along any ray, so they use the chord if
-   it is shorter than the voxel's extent. At least 1/16 of the extent, which bounds the slabs of flat voxels. */
+/* Voxel length that sizes slabs: the extent along s, or for classified volumes a shorter chord, since values must
+   change little per slab. At least 1/16 of the extent, for very flat voxels. */
 SPSI_COLD double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                  const spsi_light *light, const double s[3]) {
     const double extent = spsi_voxel_extent(lattice, s), flattest = 1.0 / 16;
@@ -9921,9 +9906,8 @@ SPSI_COLD double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *la
     return spsi_dmin(extent, spsi_dmax(chord, flattest * extent));
 }
 
-/* Subdivides slabs into groups where radiance changes within them. Particles need `fine`. Voxels need their shortest
-   edge or an optical depth of 0.05 at value 1, whichever is larger, times slab_thickness. Never thinner than
-   `least`. */
+/* Cuts groups of finer slabs where radiance changes within them: `fine` for particles. For voxels, the longer of their
+   shortest edge and an optical depth of 0.05 at value 1, times slab_thickness. Never below `least`. */
 static void spsi_slabs_group(const spsi_frame *frame, double fine, double least, spsi_slabs *slabs) {
     slabs->group = 1;
     if (frame->matter.classifies || frame->view.slab_thickness > SPSI_GROUP_SLAB) return;
@@ -9938,9 +9922,8 @@ static void spsi_slabs_group(const spsi_frame *frame, double fine, double least,
     if (slabs->group > 1) slabs->thickness /= finer;
 }
 
-/* Places slabs across the medium's bounds for the rays of a target and a light (NULL: none). `edge`: equivalent voxel
-   edge of particles, or infinite. `least`: useful minimum thickness, if a chunk stays full. Returns the number of
-   slabs. */
+/* Places slabs across the medium for the rays of a target and a light, if any. `edge`: a particle's equivalent voxel
+   edge, or infinite. `least`: useful thickness, unless a chunk is thinner. Returns their number. */
 SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_light *light, double edge,
                                   double least, spsi_slabs *slabs) {
     double low = HUGE_VAL, high = -HUGE_VAL, beyond = 0, particles;
@@ -9950,7 +9933,7 @@ SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays
         low = spsi_dmin(low, spsi_dot(point, slabs->normal));
         high = spsi_dmax(high, spsi_dot(point, slabs->normal));
     }
-    edge = spsi_dmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* limits slabs due to a stray particle */
+    edge = spsi_dmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* limits slabs due to stray particles */
     particles = edge;
     for (int i = 0; i < frame->medium_count; ++i)
         edge = spsi_dmin(edge, spsi_slab_voxel(frame, &frame->lattices[i], rays, light, slabs->normal));
@@ -9963,7 +9946,7 @@ SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays
     return ceil((high - low) / slabs->thickness);
 }
 
-/* Places slabs, and fails if they are too many. */
+/* Fails if there are too many. */
 SPSI_COLD sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                     const spsi_light *light, double edge, double least, spsi_slabs *slabs) {
     const double count = spsi_slabs_place(frame, rays, light, edge, least, slabs);
@@ -9974,8 +9957,7 @@ SPSI_COLD sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *fram
     return SPS_OK;
 }
 
-/* Width in texels of the widest penumbra, from occluder to receiver across everything. Infinite if anything is beside
-   or behind the light. */
+/* Widest penumbra across all content, in texels; infinite if anything is beside or behind the light. */
 SPSI_COLD double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sweep) {
     const spsi_light *light = sweep->light;
     const double texel = spsi_dmin(spsi_length(sweep->rays.a), spsi_length(sweep->rays.b));
@@ -9995,7 +9977,7 @@ SPSI_COLD double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep 
     return 2 * light->extent.radius * (1 / near_by - 1 / far_off) / texel;
 }
 
-/* Fits the rays of the light's sheets. Returns 1 on success. */
+/* Returns 1 on success. */
 static int spsi_sweep_fit(const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_light *light = sweep->light;
     const double pixels = frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, light);
@@ -10008,27 +9990,26 @@ static int spsi_sweep_fit(const spsi_frame *frame, spsi_sweep *sweep) {
     return 1;
 }
 
-/* Orients slabs and fits the light's rays. Returns 1 on success. */
+/* Returns 1 on success. */
 SPSI_COLD int spsi_sweep_aim(const spsi_frame *frame, spsi_sweep *sweep) {
     return spsi_sweep_direction(frame, sweep) && (!sweep->light || spsi_sweep_fit(frame, sweep));
 }
 
-/* One per light with sheets, and at least one. */
 static int spsi_sweep_count(const spsi_frame *frame) { return spsi_imax(1, frame->lights.sliced_count); }
 
-/* The n-th light with sheets; NULL if there is none. */
+/* NULL if there is none. */
 SPSI_COLD const spsi_light *spsi_sliced_light(const spsi_frame *frame, int n) {
     for (int i = 0; i < frame->lights.count; ++i)
         if (frame->lights.list[i].sliced && n-- == 0) return &frame->lights.list[i];
     return NULL;
 }
 
-/* Number of lights whose shadows the n-th sweep carries; the first has most. */
+/* Lights whose shadows a sweep carries; most in the first. */
 SPSI_COLD int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
     return (n < frame->lights.sliced_count) + (n == 0 ? frame->lights.shadow_count - frame->lights.sliced_count : 0);
 }
 
-/* Aims at the medium, or else at the bounds by which shadows were chosen, which contain it. Returns 1 on success. */
+/* Falls back on the bounds that shadows were chosen with, which contain the medium. Returns 1 on success. */
 SPSI_COLD int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_bounds tight = frame->content->bounds;
     spsi_sweep wider = *sweep;
@@ -10040,17 +10021,16 @@ SPSI_COLD int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
     return serves;
 }
 
-/* Useful minimum thickness: a fraction of the medium's smallest pixel, limited so that rays through light texels need
-   few samples per slab. */
+/* Useful thickness: a fraction of the medium's smallest pixel, unless light texels would need many samples per slab. */
 SPSI_COLD double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *sweep) {
     const double least = frame->accuracy.slab_pixels * spsi_pixel_in_gas(frame, NULL);
     if (!sweep->light) return least;
     return spsi_dmin(least, SPSI_SLAB_TEXELS * spsi_pixel_size_at(&sweep->rays, sweep->rays.depth_reference));
 }
 
-/* Begins the n-th sweep for a part. Returns a particle's equivalent voxel edge, infinite without particles. A sphere's
-   variance is that of a voxel of 0.7 radii (r^2 / 5 if homogeneous). A cloud is at most about 500 edges deep, since
-   small particles need not be resolved in depth. */
+/* Returns a particle's equivalent voxel edge, infinite without particles. A sphere's variance is that of a voxel of 0.7
+   radii (r^2 / 5 if homogeneous). A cloud is at most about 500 edges deep, since depth need not resolve small
+   particles. */
 SPSI_COLD double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
     spsi_sweep_clear(frame, spsi_sliced_light(frame, n), part, sweep);
     sweep->first = n == 0;
@@ -10058,7 +10038,7 @@ SPSI_COLD double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi
     return spsi_dmax(SPSI_PARTICLE_EDGE * frame->content->particle_radius, frame->content->particle_spread / 200);
 }
 
-/* Sets up the n-th sweep for a part; no slabs without a medium. */
+/* No slabs without a medium. */
 SPSI_COLD sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, int part,
                                       spsi_sweep *sweep) {
     const double edge = spsi_sweep_begin(frame, n, part, sweep);
@@ -10071,7 +10051,7 @@ SPSI_COLD sps_result spsi_sweep_build(sps_context *context, const spsi_frame *fr
                           &sweep->slabs);
 }
 
-/* Cuts the image into the fewest parts that slabs serve well, or else at all. If quarters fail, it stays whole, and is
+/* Cuts the image into the fewest parts that slabs serve well, or at all. If quarters fail, it stays whole, and is
    refused. */
 SPSI_COLD void spsi_image_divide(const spsi_frame *frame) {
     static const double cosines[] = {SPSI_COSINE_EVEN, 0.25, SPSI_COSINE_MIN};
@@ -10112,10 +10092,10 @@ typedef struct spsi_near_case {
     float covariance[6];
     float inverse[6];
     float root;          /* root of its determinant */
-    float weight;        /* integral for value 1, without factors per pixel */
+    float weight;        /* integral for value 1, without per-pixel factors */
 } spsi_near_case;
 
-/* Constants of a volume's voxels, for one set of rays and slabs. */
+/* Constants per volume, rays and slabs. */
 typedef struct spsi_splatter {
     int perspective;              /* 1: rays from one origin; 0: parallel */
     float sign;                   /* -1: rays cross slabs backwards; else 1 */
@@ -10123,9 +10103,9 @@ typedef struct spsi_splatter {
     float slab_step[3];           /* slab coordinate per voxel, by axis */
     float slab_x, slab_y, slab_t; /* slab coordinate per t: slab_t + x slab_x + y slab_y */
     float covariance[6];          /* kernel in ray space: 00 01 02 11 12 22 */
-    float weight;                 /* integral for value 1, without factors per footprint */
+    float weight;                 /* integral for value 1, without per-footprint factors */
     float cut;                    /* radius in standard deviations */
-    float filter;                 /* minimum variance, in square pixels */
+    float filter;                 /* minimum in square pixels */
     float reach_depth;            /* kernel radius in t */
     float reach_slabs;            /* kernel radius in slabs */
     float near_depth;             /* t below which near_case applies */
@@ -10138,33 +10118,33 @@ typedef struct spsi_splatter {
 } spsi_splatter;
 
 typedef struct spsi_brick_origin {
-    float q[3];  /* ray coordinates */
+    float q[3];
     float depth; /* t - depth_reference */
-    float slab;  /* slab coordinate */
+    float slab;
 } spsi_brick_origin;
 
 /* Footprints of a vector of voxels. Distances along a ray: v = t / (SPSI_CUT * standard deviation). */
 typedef struct spsi_footprints {
     float x[SPSI_LANES];           /* centre in pixels */
     float y[SPSI_LANES];
-    float depth[SPSI_LANES];       /* centre, t - depth_reference */
-    float slab[SPSI_LANES];        /* slab coordinate of the centre */
+    float depth[SPSI_LANES];       /* t - depth_reference */
+    float slab[SPSI_LANES];
     float amplitude[SPSI_LANES];   /* line integral through the centre */
     float across[SPSI_LANES];      /* 1 / variance of x at given y */
     float lean[SPSI_LANES];        /* mean x per y */
     float upright[SPSI_LANES];     /* 1 / variance of y */
-    float inverse_yy[SPSI_LANES];  /* -1/2 of the inverse covariance's y y entry */
+    float inverse_yy[SPSI_LANES];  /* -1/2 inverse covariance, yy */
     float row_width[SPSI_LANES];   /* standard deviation of x at given y */
     float half_height[SPSI_LANES]; /* half the bounding box, in pixels */
     float half_width[SPSI_LANES];
-    float alone[SPSI_LANES];       /* 1: its own pixels must add up to its mass; 0: only with its neighbours' */
+    float alone[SPSI_LANES];       /* 1: its own pixels add up to its mass; 0: only with its neighbours' */
     float per_slab[SPSI_LANES];    /* v per plane */
     float slope_x[SPSI_LANES];     /* a plane's v per pixel */
     float slope_y[SPSI_LANES];
     float mean_x[SPSI_LANES];      /* the kernel's mean t per pixel */
     float mean_y[SPSI_LANES];
     float per_depth[SPSI_LANES];   /* v per t */
-    float spread[SPSI_LANES];      /* range of v in a row per standard deviation, widened by slope_x */
+    float spread[SPSI_LANES];      /* range per standard deviation, widened by slope_x */
     float slabs[SPSI_LANES];       /* 1 / per_slab */
 } spsi_footprints;
 
@@ -10175,25 +10155,25 @@ typedef struct spsi_tile {
     int x0, y0, x1, y1;     /* inclusive */
     int pitch;              /* floats per row */
     int slab_count;         /* a chunk and its margins */
-    int clamped;            /* 1: sections may end at `limits`, or begin at the near plane */
-    float nearest_limit;    /* minimum polygon depth in the tile */
-    const spsi_hit *limits; /* polygons of the whole image, by pixel; NULL: none */
+    int clamped;            /* 1: `limits` or the near plane may cut sections */
+    float nearest_limit;    /* minimum in the tile */
+    const spsi_hit *limits; /* polygons by pixel of the image; NULL: none */
     int limit_width;
     int limit_height;
-    uint64_t open;          /* mask of patches that are not yet opaque; other footprints are skipped */
-    const float *depth;     /* optical depth so far, by pixel; NULL: unknown */
+    uint64_t open;          /* patches not yet opaque; other footprints are skipped */
+    const float *depth;     /* optical depth so far; NULL: unknown */
     size_t depth_pitch;     /* floats per row */
     float end;              /* optical depth of early termination */
-    float eye_slab;         /* slab coordinate of the eye, for the near case */
-    uint64_t visits;        /* footprints written */
+    float eye_slab;         /* the eye's, for the near case */
+    uint64_t visits;        /* footprints */
     uint64_t fragments;     /* their pixels times slabs */
     uint64_t samples;       /* of pyramids */
 } spsi_tile;
 
-/* Column or row of the nearest patch, at a pixel's offset from the tile's edge. */
+/* Nearest column or row of patches. */
 static inline int spsi_patch_at(int at) { return spsi_imin(spsi_imax(at, 0), SPSI_TILE_WIDTH - 1) / SPSI_PATCH; }
 
-/* Mask of patches that meet a box of pixels, relative to the tile. */
+/* Mask of patches that meet a box, relative to the tile. */
 static inline uint64_t spsi_patch_box(int x0, int y0, int x1, int y1) {
     const int c0 = spsi_patch_at(x0), c1 = spsi_patch_at(x1), r0 = spsi_patch_at(y0), r1 = spsi_patch_at(y1);
     const uint64_t columns = (UINT64_C(0xff) << c0) & (UINT64_C(0xff) >> (7 - c1));
@@ -10204,7 +10184,7 @@ static inline uint64_t spsi_patches(const spsi_tile *tile, int x0, int y0, int x
     return spsi_patch_box(x0 - tile->x0, y0 - tile->y0, x1 - tile->x0, y1 - tile->y0);
 }
 
-/* Mask of patches with a pixel whose optical depth is below `end`. */
+/* Mask of patches with optical depth below `end`. */
 static uint64_t spsi_patches_unfinished(const float *depth, size_t pitch, int width, int height, float end) {
     uint64_t open = 0;
     for (int y = 0; y < height; ++y, depth += pitch)
@@ -10212,7 +10192,7 @@ static uint64_t spsi_patches_unfinished(const float *depth, size_t pitch, int wi
     return open;
 }
 
-/* Returns 0 if footprints would exceed the range of floats. */
+/* Returns 0 if footprints overflow floats. */
 SPSI_COLD int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *rays, const spsi_slabs *slabs,
                                   float scale, double cut, spsi_splatter *splatter) {
     double e[3][3], covariance[3][3], rows[3][3], reach = 0, unit, root, mass, weight;
@@ -10232,7 +10212,8 @@ SPSI_COLD int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *
     unit = sqrt(covariance[2][2]);
     root = sqrt(spsi_determinant(covariance[0], covariance[1], covariance[2]));
     mass = (double)scale * lattice->voxel_volume / fabs(spsi_determinant(rays->a, rays->b, rays->c));
-    weight = mass / (-2 * SPSI_PI * expm1(-0.5 * cut * cut)); /* mass within the cut: keeps a constant grid constant */
+    weight = mass / (-2 * SPSI_PI * expm1(-0.5 * cut * cut)); /* normalised within the cut: constant grids stay constant
+                                                                 */
     for (int i = 0, k = 0; i < 3; ++i)
         for (int j = i; j < 3; ++j, ++k) {
             splatter->covariance[k] = (float)covariance[i][j];
@@ -10263,11 +10244,11 @@ SPSI_COLD int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *
     }
 }
 
-/* Slope of `alone` in the variance added by the pixel filter: 1 up to voxels of 0.5 pixels, 0 from 0.7 on. Normalising
-   wider voxels one by one would alias a uniform medium. */
+/* Slope of `alone` in the filter's added variance: 1 up to voxels of 0.5 pixels, 0 from 0.7 on. Normalising wider
+   voxels one by one would alias a uniform medium. */
 #define SPSI_ALONE 16
 
-/* Pixel filter, conditional Gaussians and section at (x, y, t). */
+/* Everything that depends on (x, y, t): pixel filter, conditional Gaussians, section. */
 static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v y, spsi_v t, spsi_v value,
                                         spsi_footprints *out) {
     const spsi_v one = spsi_set(1), c22 = spsi_set(s->covariance[5]), two = spsi_set(2), half = spsi_set(0.5f);
@@ -10328,16 +10309,16 @@ static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v
 
 typedef enum spsi_mass { SPSI_MASS_KERNEL, SPSI_MASS_CHORD, SPSI_MASS_SOFT_CHORD } spsi_mass;
 
-/* A kernel's or sphere's mass along a vector of rays, for a run of sheets. */
+/* Mass along a vector of rays, for a run of sheets. */
 typedef struct spsi_sections {
     float *sheet;      /* the first */
     size_t sheet_size; /* floats per sheet */
-    size_t pitch;      /* floats per row, if rays are of two rows */
+    size_t pitch;      /* floats per row, for two rows */
     int count;         /* sheets */
     int starts;        /* 1: also add the mass in front */
     int ends;          /* 1: also add the mass behind */
     spsi_v weight;
-    spsi_v v;          /* position of the first plane in the profile's -1..1 */
+    spsi_v v;          /* first plane in the profile's -1..1 */
     spsi_v per_plane;  /* v per plane */
     spsi_v low, high;  /* where clamped rays begin and end */
 } spsi_sections;
@@ -10346,7 +10327,7 @@ static inline spsi_v spsi_mass_fraction(spsi_mass mass, spsi_v v) {
     return mass == SPSI_MASS_KERNEL ? spsi_kernel_fraction(v) : spsi_chord_fraction(mass == SPSI_MASS_SOFT_CHORD, v);
 }
 
-/* Adds each sheet's section. A plane is evaluated once for two sheets. */
+/* Evaluates each plane once for two sheets. */
 static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int clamped) {
     float *sheet = s->sheet;
     spsi_v v = s->v, before, after;
@@ -10365,7 +10346,7 @@ static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int
     spsi_store(sheet, spsi_fma(s->weight, spsi_sub(after, before), spsi_load(sheet)));
 }
 
-/* Kernel fraction before planes at v, for rays whose mass lies in low..high. */
+/* Kernel fraction before planes at v; all mass lies in low..high. */
 static inline spsi_v spsi_kernel_fraction_within(spsi_v v, spsi_v low, spsi_v high) {
     const spsi_v from = spsi_select(spsi_less(v, low), spsi_set(-1), v);
     return spsi_kernel_fraction(spsi_select(spsi_less(high, v), spsi_set(1), from));
@@ -10376,7 +10357,7 @@ static inline void spsi_add_pair(const spsi_sections *s, float *sheet, spsi_v sh
     spsi_store_halves(sheet, next, spsi_fma(s->weight, share, spsi_load_halves(sheet, next)));
 }
 
-/* Adds the sections of two rows of a kernel, which may end at different planes. */
+/* Two rows of a kernel may end at different planes. */
 static inline void spsi_add_pairs(const spsi_sections *s) {
     float *sheet = s->sheet;
     spsi_v v = s->v, after, before = s->starts ? spsi_set(0) : spsi_kernel_fraction_within(v, s->low, s->high);
@@ -10398,7 +10379,7 @@ typedef struct spsi_rows {
     int starts[SPSI_LANES], ends[SPSI_LANES];  /* 1: the kernel's own end */
     float left[SPSI_LANES], right[SPSI_LANES]; /* x0 and x1, half a pixel outwards */
     float dy[SPSI_LANES];                      /* y from the centre */
-    float factor[SPSI_LANES];                  /* weight factor that depends on y only */
+    float factor[SPSI_LANES];                  /* weight factor of y alone */
     float v[SPSI_LANES];                       /* v of the first plane at the kernel's own x */
     float low[SPSI_LANES], high[SPSI_LANES];   /* v half a slab within the kernel's ends; infinite if clamped */
 } spsi_rows;
@@ -10448,7 +10429,7 @@ static inline spsi_v spsi_tile_limits(const spsi_tile *tile, int x, int y) {
     return spsi_hit_depths(tile->limits, tile->limit_width, tile->limit_height, x, y);
 }
 
-/* Range of v from the near plane to a polygon at depth `beyond`, clamped. */
+/* Range of v between the near plane and a polygon at `beyond`. */
 static inline void spsi_limits(spsi_v beyond, float sign, float eye_near, spsi_v mean, spsi_v per_depth, spsi_v *low,
                                spsi_v *high) {
     spsi_v near_v = spsi_mul(spsi_sub(spsi_set(eye_near), mean), per_depth);
@@ -10466,12 +10447,11 @@ typedef struct spsi_footprint {
     float *channel;
 } spsi_footprint;
 
-/* True if the factors of a footprint's weights could overflow. */
+/* True if weight factors could overflow. */
 static inline int spsi_is_slender(float a, float b, float c) { return b * b > 0.8f * 4 * a * c; }
 
-/* Splats a vector of columns. With the inverse covariance (A B; B C), weights are exp(-A dx^2 / 2 - B dx dy0) * exp(-B
-   dx)^row * exp(-C dy^2 / 2). Two factors are per column, one per row, which avoids exponentials per pixel. Slender
-   ellipses need one per vector and row. */
+/* With the inverse covariance (A B; B C), weights are exp(-A dx^2 / 2 - B dx dy0) * exp(-B dx)^row * exp(-C dy^2 / 2).
+   This avoids exponentials per pixel; slender ellipses need one per vector and row. */
 static inline void spsi_splat_columns(const spsi_footprint *print, const spsi_rows *rows, int count, int x, int y,
                                       int clamped) {
     const spsi_tile *tile = print->tile;
@@ -10519,7 +10499,7 @@ static inline spsi_v spsi_pair(const float *rows, int r) {
     return spsi_halves(spsi_set(rows[r]), spsi_set(rows[r + 1]));
 }
 
-/* Sets the sheets that two rows reach. `bits`: rows that reach any. */
+/* `bits`: rows that reach any sheet. */
 static inline void spsi_pair_sections(const spsi_rows *rows, int r, int bits, float per_slab, float *row,
                                       spsi_sections *sections) {
     const int i = bits == 2 ? r + 1 : r, j = bits == 1 ? r : r + 1, first = spsi_imin(rows->first[i], rows->first[j]);
@@ -10531,7 +10511,7 @@ static inline void spsi_pair_sections(const spsi_rows *rows, int r, int bits, fl
                               spsi_set(rows->v[j] - per_slab * (float)(rows->first[j] - first)));
 }
 
-/* Splats half a vector of columns, two rows at a time, without clamping. */
+/* Half a vector of columns, two rows at a time, without clamping. */
 static inline void spsi_splat_pairs(const spsi_footprint *print, const spsi_rows *rows, int count, int x, int y) {
     const spsi_tile *tile = print->tile;
     const spsi_footprints *f = print->footprints;
@@ -10604,7 +10584,7 @@ static void spsi_splat_footprint(const spsi_footprint *print) {
     }
 }
 
-/* A near kernel along x or y: centre (q, t), cut, covariance. */
+/* A near kernel along x or y: centre, cut, covariance. */
 typedef struct spsi_extent {
     float q, t, cut, qq, qt, tt;
 } spsi_extent;
@@ -10616,7 +10596,7 @@ static spsi_extent spsi_near_extent(const spsi_splatter *s, const float q[3], in
     return extent;
 }
 
-/* Narrows a range of pixels by the tangent planes through the eye, unless the eye's plane cuts the ellipsoid. */
+/* Narrows a range of pixels by the tangent planes through the eye, unless its plane cuts the ellipsoid. */
 static void spsi_extent_range(const spsi_extent *e, int *first, int *last) {
     const float square = e->cut * e->cut, a = e->t * e->t - square * e->tt, b = e->q * e->t - square * e->qt;
     const float root = b * b - a * (e->q * e->q - square * e->qq);
@@ -10625,7 +10605,7 @@ static void spsi_extent_range(const spsi_extent *e, int *first, int *last) {
     *last = spsi_imin(*last, (int)spsi_fmin(floorf((b + sqrtf(root > 0 ? root : 0)) / a), (float)SPSI_SIZE_MAX));
 }
 
-/* True unless an ellipsoid lies behind the eye, or outside of the planes through the eye and a range's ends. */
+/* True if an ellipsoid reaches in front of the eye, and between the planes through a range's ends. */
 static int spsi_extent_meets(const spsi_extent *e, int first, int last) {
     const float ends[2] = {(float)first - 0.5f, (float)last + 0.5f};
     for (int i = 0; i < 2; ++i) {
@@ -10635,7 +10615,7 @@ static int spsi_extent_meets(const spsi_extent *e, int first, int last) {
     return e->t + e->cut * sqrtf(e->tt) > 0;
 }
 
-/* A kernel to be integrated along each pixel's own ray. */
+/* A kernel integrated along each pixel's own ray. */
 typedef struct spsi_near_footprint {
     spsi_tile *tile;
     const spsi_splatter *splatter;
@@ -10646,7 +10626,7 @@ typedef struct spsi_near_footprint {
     float *channel;
 } spsi_near_footprint;
 
-/* Splats a near kernel at P. For a ray w = (x, y, 1), a = w' C^-1 w. The exponent (P x w)' adj(C^-1) (P x w) / a avoids
+/* A near kernel at P. For a ray w = (x, y, 1), a = w' C^-1 w. The exponent (P x w)' adj(C^-1) (P x w) / a avoids
    differences of large numbers. */
 static inline void spsi_splat_near_row(const spsi_near_footprint *print, int x, int y) {
     const spsi_tile *tile = print->tile;
@@ -10692,7 +10672,7 @@ static inline void spsi_splat_near_row(const spsi_near_footprint *print, int x, 
     spsi_add_sections(&sections, SPSI_MASS_KERNEL, 1);
 }
 
-/* True if a kernel (side -1: its mirror image behind the eye) meets a tile's rays. */
+/* `side` -1: the mirror image behind the eye. */
 static int spsi_near_meets(const spsi_tile *tile, const spsi_splatter *s, const float q[3], float side) {
     const spsi_extent x = spsi_near_extent(s, q, 0, side), y = spsi_near_extent(s, q, 1, side);
     return spsi_extent_meets(&x, tile->x0, tile->x1) && spsi_extent_meets(&y, tile->y0, tile->y1);
@@ -10742,7 +10722,7 @@ static inline void spsi_voxels_place(const spsi_splatter *s, const spsi_brick_or
     *slab = spsi_fma(at[0], spsi_set(s->slab_step[0]), spsi_fma(at[1], spsi_set(s->slab_step[1]), *slab));
 }
 
-/* Mask of footprints that reach into the tile. */
+/* Mask of footprints in the tile. */
 static inline int spsi_footprints_inside(const spsi_tile *tile, const spsi_footprints *f) {
     const spsi_v x = spsi_load(f->x), width = spsi_load(f->half_width);
     const spsi_v y = spsi_load(f->y), height = spsi_load(f->half_height);
@@ -10753,7 +10733,7 @@ static inline int spsi_footprints_inside(const spsi_tile *tile, const spsi_footp
     return spsi_bits(spsi_and(spsi_and(m0, m1), spsi_less(spsi_set(0), spsi_load(f->per_slab))));
 }
 
-/* Pixel sum of a Gaussian at x over its integral, to the first aliasing term, scaled by `alone`. */
+/* Pixel sum of a Gaussian over its integral, to the first aliasing term, scaled by `alone`. */
 static inline spsi_v spsi_pixels_sum(const float *x, const float *half, spsi_v per_cut, spsi_v alone) {
     const spsi_v at = spsi_clamp(spsi_load(x), spsi_set(-4.0f * SPSI_SIZE_MAX), spsi_set(4.0f * SPSI_SIZE_MAX));
     const spsi_v turn = spsi_fma(spsi_abs(spsi_sub(at, spsi_round(at))), spsi_set(4), spsi_set(-1));
@@ -10763,7 +10743,7 @@ static inline spsi_v spsi_pixels_sum(const float *x, const float *half, spsi_v p
     return spsi_fma(spsi_mul(alone, spsi_exp(wave)), cosine, spsi_set(1));
 }
 
-/* Makes the mass of voxels much smaller than pixels independent of their place. */
+/* Makes a subpixel voxel's mass independent of its place. */
 static inline void spsi_footprints_even(const spsi_splatter *s, spsi_footprints *f) {
     const spsi_v alone = spsi_load(f->alone), per_cut = spsi_set(1 / s->cut);
     if (!spsi_bits(spsi_less(spsi_set(0), alone))) return;
@@ -10824,9 +10804,9 @@ static void spsi_brick_origin_build(const spsi_lattice *lattice, const spsi_bric
 }
 
 /* --- small voxels ---
-   If voxels are smaller than samples, footprints are little but the pixel filter. So a voxel's mass is deposited into
-   3^3 samples by linear weights, averaged over its breadth b. This keeps mass and first moments. The added variance (2
-   + b^2) / 12 is close to the filter's 1/4. A volume is deposited entirely or not at all, to avoid seams. Cost: 27
+   If voxels are smaller than samples, footprints are little but pixel filter. Instead, mass is deposited into 3^3
+   samples by linear weights, averaged over a voxel's breadth b. Mass and first moments stay exact; the added variance
+   (2 + b^2) / 12 is close to the filter's 1/4. A volume is deposited entirely or not at all, to avoid seams. Cost: 27
    additions per voxel. */
 
 #define SPSI_DEPOSIT_MOST  0.8f       /* maximum breadth in samples */
@@ -10845,7 +10825,7 @@ static void spsi_voxel_breadths(const spsi_splatter *s, const float q[3], float 
     }
 }
 
-/* Decides to deposit a volume if its voxels are small at all corners. Deposits reach one slab beyond the nearest. */
+/* Deposits a volume if its voxels are small at all corners. Reaches one slab beyond the nearest. */
 SPSI_COLD void spsi_splatter_deposits(spsi_splatter *splatter, const spsi_rays *rays, const spsi_bounds *bounds) {
     for (int corner = 0; corner < 8; ++corner) {
         double point[3], q[3];
@@ -10862,24 +10842,24 @@ SPSI_COLD void spsi_splatter_deposits(spsi_splatter *splatter, const spsi_rays *
     splatter->reach_slabs = spsi_fmax(splatter->reach_slabs, 1);
 }
 
-/* A brick being deposited. Samples are relative to the tile, along x, y and slabs. */
+/* A brick being deposited; samples are relative to the tile. */
 typedef struct spsi_deposit {
     const spsi_tile *tile;
     const spsi_splatter *splatter;
     const spsi_brick_origin *origin;
     float breadth[3];
     int low[3], high[3]; /* samples of the tile */
-    int edges[2][3];     /* first and last samples of all */
-    int kept;            /* 1: border samples also take the mass beyond them */
+    int edges[2][3];     /* all samples */
+    int kept;            /* 1: borders also take the mass beyond them */
 } spsi_deposit;
 
-/* Per voxel and axis: first of three samples, and their weights. */
+/* First of three samples per axis, and their weights. */
 typedef struct spsi_deposit_weights {
     int first[3][SPSI_LANES];
     float weight[3][3][SPSI_LANES];
 } spsi_deposit_weights;
 
-/* Parallel rays cover the whole medium, so their borders keep its mass; perspective ones do not. */
+/* Parallel rays cover the whole medium, so their borders keep all mass. */
 static void spsi_deposit_begin(const spsi_tile *tile, const spsi_splatter *s, const spsi_brick_origin *origin,
                                const spsi_brick *brick, const int edges[2][3], spsi_deposit *deposit) {
     const int last[3] = {tile->x1 - tile->x0, tile->y1 - tile->y0, tile->slab_count - 1};
@@ -10899,8 +10879,7 @@ static void spsi_deposit_begin(const spsi_tile *tile, const spsi_splatter *s, co
     spsi_voxel_breadths(s, q, deposit->breadth);
 }
 
-/* Weights along one axis. `after` is the positive part of the offset from the nearest sample, averaged over the
-   breadth. */
+/* `after`: positive part of the offset from the nearest sample, averaged over the breadth. */
 static inline void spsi_deposit_weights_along(int axis, spsi_v at, float breadth, spsi_v mass,
                                               spsi_deposit_weights *shares) {
     const spsi_v nearest = spsi_round(at), off = spsi_sub(at, nearest), zero = spsi_set(0);
@@ -10975,12 +10954,12 @@ static void spsi_deposit_brick(const spsi_deposit *deposit, const spsi_segment *
 
 /* --- particles --- */
 
-/* Constants of a sweep's particles. */
+/* Constants of a sweep's particles, as in spsi_splatter. */
 typedef struct spsi_sphere_setup {
     const spsi_rays *rays;
-    float sign;                   /* -1: rays cross slabs backwards; else 1 */
-    float slab_x, slab_y, slab_t; /* slab coordinate per t: slab_t + x slab_x + y slab_y */
-    float eye_near;               /* t - depth_reference where rays begin */
+    float sign;
+    float slab_x, slab_y, slab_t;
+    float eye_near;
     double row[3], slab_origin;   /* slab coordinate: row . p - slab_origin */
     double reach;                 /* slabs per world unit */
     double reach_depth;           /* maximum t per world unit */
@@ -11014,7 +10993,6 @@ SPSI_COLD void spsi_sphere_setup_build(const spsi_rays *rays, const spsi_slabs *
     crossing->reach_depth = rays->per_length;
 }
 
-/* Slab coordinate of the centre, and radius in slabs. */
 static void spsi_particle_slabs(const spsi_sphere_setup *crossing, const sps_particle *particle, double *slab,
                                 double *reach) {
     double centre[3], offset[3];
@@ -11051,8 +11029,8 @@ typedef struct spsi_sphere_footprint {
     const spsi_projected_sphere *projected;
     int x0, x1, y0, y1; /* inclusive */
     int first, last;    /* last is exclusive */
-    int starts;         /* 1: also add the mass in front of the first slab */
-    int ends;           /* 1: also add the mass behind the last slab */
+    int starts;         /* 1: also add the mass in front */
+    int ends;           /* 1: also add the mass behind */
 } spsi_sphere_footprint;
 
 /* Slab planes along a vector of chords, in half chords from the middle. */
@@ -26158,7 +26136,7 @@ SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
 /* Floats per pixel: radiance, coverage, and distance if wanted. */
 static size_t spsi_total_floats(const spsi_frame *frame) { return (size_t)(4 + frame->wants_depth); }
 
-/* Fills `rgb` with a row of background radiance. Directions are kept behind it. */
+/* Fills `rgb` with a row of background radiance, followed by directions. */
 SPSI_COLD sps_result spsi_background_row(sps_context *context, const spsi_frame *frame, int y, float *rgb) {
     const sps_scene *scene = &frame->given;
     const int *region = frame->view.region;
@@ -26185,7 +26163,7 @@ SPSI_COLD sps_result spsi_background_row(sps_context *context, const spsi_frame 
 /* Flushes denormals, which could slow down the caller. */
 static float spsi_flush(float a) { return a < FLT_MIN ? 0 : a; }
 
-/* Initialises the total with the background. Returns NULL on failure. */
+/* Starts with the background. Returns NULL on failure. */
 SPSI_COLD float *spsi_begin_total(sps_context *context, const spsi_frame *frame) {
     const size_t width = (size_t)frame->view.region[2], floats = spsi_total_floats(frame);
     float *total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, width * (size_t)frame->view.region[3],
@@ -26200,8 +26178,7 @@ SPSI_COLD float *spsi_begin_total(sps_context *context, const spsi_frame *frame)
     return total;
 }
 
-/* Adds a sweep's radiance to a pixel. The first sweep also attenuates the background, and sets coverage and
-   distance. */
+/* The first sweep also attenuates the background, and sets coverage and distance. */
 static void spsi_add_pixel(const spsi_run *run, int x, int y, size_t at, float covered, float *pixel) {
     const spsi_shader *shader = &run->shader;
     const spsi_layers *layers = &shader->visible->layers;
@@ -26220,7 +26197,7 @@ static void spsi_add_pixel(const spsi_run *run, int x, int y, size_t at, float c
 
 #define SPSI_SUM_ROWS 8 /* rows per task */
 
-/* Adds some rows of the region, within the sweep's part of the image. */
+/* Adds some rows of the region and the sweep's part. */
 static void spsi_sum_task(void *data, int index) {
     const spsi_run *run = (const spsi_run *)data;
     const spsi_shader *shader = &run->shader;
@@ -26253,7 +26230,7 @@ static void spsi_write_image(const spsi_frame *frame, const float *total, const 
         }
 }
 
-/* Sets the eye's depth reference: the medium's middle, whose lookups need precision, or else the polygons'. */
+/* Sets the eye's depth reference: the medium's middle, where lookups need precision, or else the polygons'. */
 SPSI_COLD void spsi_eye_reference(const spsi_frame *frame) {
     spsi_bounds all = frame->content->bounds;
     double centre[3], q[3];
@@ -26292,7 +26269,7 @@ typedef struct spsi_picture {
     int shadow_count;
 } spsi_picture;
 
-/* Runs a sweep whose depth maps and transmittance maps are ready, or only measures its optical depth. */
+/* Runs a sweep whose maps are ready, or only measures its optical depth. */
 SPSI_COLD sps_result spsi_sweep_once(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
                                      int measures, spsi_run *run, const spsi_call_stage *part) {
     const double start = spsi_clock(context);
@@ -26314,15 +26291,14 @@ SPSI_COLD sps_result spsi_sweep_once(sps_context *context, const spsi_picture *p
     return SPS_OK;
 }
 
-/* Reserves counters of workers, and results of shadow rays: `shares` per place for all lights. */
+/* Counters of workers, and `shares` results of shadow rays per place. */
 static uint64_t *spsi_visibility_reserve(sps_context *context, size_t places, int shares) {
     size_t bytes = (size_t)spsi_worker_count(context) * sizeof(uint64_t);
     spsi_bytes_add(&bytes, places, (size_t)spsi_imax(1, shares) * sizeof(float));
     return (uint64_t *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, 1, bytes);
 }
 
-/* Lists a sweep's lights, and traces shadow rays from surfaces to them. The first sweep also has all shadowing lights
-   without slabs. */
+/* Lists a sweep's lights, and traces surfaces' shadow rays. The first sweep also has shadowing lights without slabs. */
 SPSI_COLD sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *sweep, int n, spsi_picture *picture) {
     const spsi_frame *frame = picture->frame;
     const int count = spsi_sweep_shadow_count(frame, n);
@@ -26359,7 +26335,7 @@ SPSI_COLD sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *
     return SPS_OK;
 }
 
-/* Renders a part of the image whose shadows are ready. */
+/* Shadows must be ready. */
 SPSI_COLD sps_result spsi_render_part(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
                                       spsi_run *run, const spsi_call_stage *part) {
     spsi_call_stage half = *part;
@@ -26445,15 +26421,15 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
 }
 
 /* ================================================================================================= >>plan
-   36 Plan: a scene's passes, and why each runs or not. Call counts are exact, bytes are upper bounds. Nothing is read:
-   bounds follow from blocks that range_fn keeps, and from counts of triangles and particles. */
+   36 A scene's passes, and why each runs or not. Call counts are exact, bytes are upper bounds. Nothing is read: bounds
+   follow from blocks that range_fn keeps, and from counts of triangles and particles. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
     "gather",      "projectors", "eye polygons", "layers",     "textures",  "light polygons", "triangle tree",
     "shadow rays", "eye sheets", "light sheets", "light maps", "penumbrae", "gradient",       "scattering",
     "forward",     "spreading",  "cells",        "emission",   "ambient",   "surface light"};
 
-/* Blocks to be read, with upper bounds of their contents. */
+/* Blocks to be read, with upper bounds. */
 typedef struct spsi_reading {
     int held; /* 1: voxels are cached by an earlier call */
     uint64_t blocks, bricks, voxels_kept;
@@ -26498,8 +26474,7 @@ SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* Places pyramids that decide on filling: cached ones, or estimates from bricks, adjacent or apart, whichever is
-   less. */
+/* Places pyramids that decide on filling: cached, or estimated from bricks, adjacent or apart, whichever is less. */
 SPSI_COLD sps_result spsi_plan_pyramids(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     if (!spsi_pyramids_wanted(frame)) return SPS_OK;
     if (reading->held) return spsi_pyramids_place(context, frame);
@@ -26545,7 +26520,7 @@ SPSI_COLD void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *fr
     if (spsi_pyramids_wanted(frame)) spsi_pyramids_count(context, frame, reading->bricks_of);
 }
 
-/* Maximum texels on a side of a sweep's light. Particles are unread, so rendering may use other bounds. */
+/* Maximum texels on a side. Particles are unread, so rendering may use other bounds. */
 SPSI_COLD size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep *sweep) {
     const int planned = spsi_imax(sweep->rays.width, sweep->rays.height);
     if (frame->particles.set_count == 0) return (size_t)planned;
@@ -26553,8 +26528,7 @@ SPSI_COLD size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep 
                                                                   : spsi_light_texels_most(frame));
 }
 
-/* Counts a sweep's bricks and particles. Reading may change the slabs of volumes a little, and of particles
-   arbitrarily. */
+/* Reading may change the slabs of volumes a little, of particles arbitrarily. */
 static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
                                      uint64_t bricks) {
     const int particles = (int)frame->particles.count;
@@ -26565,8 +26539,8 @@ static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *fra
     if (particles > 0) spsi_queue_reserve(context, SPSI_BUFFER_PARTICLE_QUEUE, particles, chunks, &contents.particles);
 }
 
-/* Counts penumbrae, even if they may turn out narrow and stay sharp. Until contents are known, beams are twice as wide
-   as the light's sheets. That is their maximum unless shadow_resolution is set. */
+/* Counts penumbrae even if they may turn out sharp. Until contents are known, beams are twice as wide as the light's
+   sheets. That is their maximum unless shadow_resolution is set. */
 SPSI_COLD sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                               sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0;
@@ -26634,8 +26608,7 @@ SPSI_COLD int spsi_plan_sliced_count(const spsi_frame *frame) {
     return count;
 }
 
-/* Maximum number of sweeps. Without sheets, the image's parts in the region; particles may need all four if the camera
-   is wide. */
+/* Maximum. Without sheets, the image's parts in the region; particles may need all four if the camera is wide. */
 SPSI_COLD int spsi_plan_sweep_count(const spsi_frame *frame) {
     const int sliced = spsi_plan_sliced_count(frame);
     int parts = 0, part[4], sheets = 0;
@@ -26873,7 +26846,7 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
                    polygons ? "no light" : "no triangles");
 }
 
-/* Counts polygons' memory outside the sweeps. */
+/* Excludes sweeps. */
 static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
     const size_t pixels = spsi_ray_count(&frame->content->eye), triangles = frame->meshes.triangle_count;
     size_t lights = (size_t)spsi_plan_shadow_count(frame, 0); /* at once */
@@ -26930,7 +26903,7 @@ SPSI_COLD void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const sp
     for (int i = 0; i < SPS_PASS_COUNT; ++i) spsi_bytes_add(&report->bytes, report->pass[i].bytes, 1);
 }
 
-/* Bytes of the lights' maps, which coexist but are filled one by one. */
+/* Maps coexist, but are filled one by one. */
 SPSI_COLD void spsi_plan_tmaps(const spsi_frame *frame, uint64_t bricks, sps_plan_report *report) {
     size_t most = 0, prints = 0;
     for (int i = 0; i < frame->lights.count; ++i) {
@@ -29320,7 +29293,7 @@ SPSI_COLD sps_result spsi_reference_frame(sps_context *context, const spsi_frame
 #endif /* SPLATSHADOW_NO_REFERENCE */
 
 /* =============================================================================================== >>public
-   40 Public functions, which check their arguments and call the chapters above, and callbacks for grids and meshes. */
+   40 Public functions, which check arguments and call the chapters above, and callbacks for grids and meshes. */
 
 #ifdef __GNUC__ /* a static SPS_API may leave functions unused */
 #pragma GCC diagnostic push
@@ -29526,7 +29499,7 @@ static void spsi_voxel_row(const sps_grid *grid, const char *from, ptrdiff_t ste
     for (int i = 0; i < count; ++i) out[i] = out[i] * scale + offset;
 }
 
-/* Checks a grid and a block of it. Returns the result of sps_grid_read and sps_grid_range. */
+/* Returns the result of sps_grid_read and sps_grid_range for a block. */
 static int spsi_grid_check(const sps_grid *grid, const int lo[3], const int size[3]) {
     if (!grid || !grid->voxels || grid->start_canary || grid->end_canary) return 1;
     if ((int)grid->format < SPS_VOXEL_U8 || grid->format > SPS_VOXEL_F32) return 1;

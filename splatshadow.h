@@ -8374,7 +8374,7 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
 }
 
 /* ================================================================================================ >>lights
-   15 Lights: their direction, and the ray grids that cover everything they may shadow. */
+   15 Lights, and ray grids over everything they may shadow. */
 
 #define SPSI_PARTICLE_EDGE 0.7 /* radii, >>slicing */
 #define SPSI_GROUP_MOST    8   /* slabs shaded at once */
@@ -8392,8 +8392,8 @@ static void spsi_light_direction(const spsi_light *light, const double point[3],
     spsi_normalise(direction);
 }
 
-/* Refinement of slabs and texels in dense particles, where radiance changes within an optical depth of 1; limited for
-   clouds many particles deep. */
+/* Refinement in dense particles, where radiance changes within an optical depth of 1; limited for clouds many particles
+   deep. */
 static double spsi_particle_fineness(const spsi_frame *frame) {
     const spsi_content *content = frame->content;
     const double edge = SPSI_PARTICLE_EDGE * content->particle_radius, depth = edge * content->particle_extinction;
@@ -8406,9 +8406,9 @@ static double spsi_particle_fineness(const spsi_frame *frame) {
 }
 
 /* Fits a light's rays to `bounds`, with a border of two texels. `texel`: desired world size, at the middle of the
-   bounds. `size`: texels on the longer side; 0: derived, up to `most`. Texels stay centred as a light turns, and are
-   added in pairs, so that errors do not flicker. Returns 0 if no cone from a point light covers the bounds, or if
-   spsi_rays_complete fails. */
+   bounds. `size`: texels on the longer side; 0: derived, up to `most`. Texels stay centred as a light turns and are
+   added in pairs, to avoid flicker. Returns 0 if no cone from a point light covers the bounds, or if spsi_rays_complete
+   fails. */
 static int spsi_rays_fit(const spsi_light *light, const spsi_bounds *bounds, double texel, int size, int most,
                          spsi_rays *rays) {
     double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
@@ -8447,7 +8447,7 @@ static int spsi_rays_fit(const spsi_light *light, const spsi_bounds *bounds, dou
     return spsi_rays_complete(rays);
 }
 
-/* Maximum texels on a side of sheets, unless shadow_resolution is set. */
+/* Unless shadow_resolution is set. */
 SPSI_COLD int spsi_light_texels_most(const spsi_frame *frame) {
     return frame->medium_count > 0 ? 4096 : frame->accuracy.depth_map_texels;
 }
@@ -8478,7 +8478,7 @@ static int spsi_scatters_multiply(const spsi_frame *frame) {
     return spsi_scatters_fully(frame) || spsi_scatters_forward(frame);
 }
 
-/* Optical depth of early termination of light rays. */
+/* Optical depth that terminates light rays. */
 SPSI_COLD float spsi_light_end(const spsi_frame *frame) {
     return spsi_scatters_forward(frame) ? SPSI_FORWARD_END : SPSI_LIGHT_END;
 }
@@ -8500,8 +8500,8 @@ SPSI_COLD int spsi_has_shadow_tables(const spsi_frame *frame) {
     return 0;
 }
 
-/* Desired world size of a light's texels: a voxel's breadth, or half of a particle's equivalent voxel edge, since its
-   rim is sharper. Particles alone never exceed a depth map's texels. */
+/* Desired world size of texels: a voxel's breadth, or half of a particle's equivalent voxel edge, since its rim is
+   sharper. Particles alone never exceed a depth map's texels. */
 SPSI_COLD double spsi_light_texel(const spsi_frame *frame, const spsi_light *light) {
     double centre[3], forward[3], right[3], down[3], across[3], size = HUGE_VAL, own;
     spsi_bounds_centre(&frame->content->bounds, centre);
@@ -8520,10 +8520,10 @@ SPSI_COLD double spsi_light_texel(const spsi_frame *frame, const spsi_light *lig
 }
 
 /* --- pixels wider than voxels ---
-   Shadows and slabs need not be finer than pixels resolve. A texel's filter has 1/8 to 1/2 square texels, and lookups
-   add 1/6. Texels of 0.6 pixels thus blur by at most 1/4 square pixel, like the pixel filter; draft allows twice that.
-   Classified volumes cannot be filtered, so each pixel has two texels per axis. Slabs are second order in thickness:
-   half a pixel is enough, or one at draft; classified volumes take 0.3. */
+   Shadows and slabs need not be finer than pixels resolve. A texel's filter has 1/8 to 1/2 square texels, lookups add
+   1/6. Texels of 0.6 pixels blur by at most 1/4 square pixel, like the pixel filter; draft allows twice that.
+   Classified volumes cannot be filtered, so pixels get two texels per axis. Slabs are second order in thickness: half a
+   pixel is enough, or one at draft; 0.3 if classified. */
 
 /* Distance until eight points, with constant rates in ray coordinates (x t, y t, t), have left the image across one
    side; or infinity. */
@@ -8565,7 +8565,7 @@ SPSI_COLD double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_light *sh
     return eye->perspective ? breadth * spsi_dmax(nearest, spsi_dmax(eye->near_depth, 0)) : breadth;
 }
 
-/* Smallest useful texel of a depth map: half of the medium's, since polygon edges are unfiltered; or 0. */
+/* Smallest useful texel: half of the medium's, since polygon edges are unfiltered; 0: quality decides. */
 SPSI_COLD double spsi_depth_map_texel(const spsi_frame *frame) {
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
     return 0.5 * frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, NULL);
@@ -8575,8 +8575,8 @@ SPSI_COLD const spsi_bounds *spsi_light_bounds(const spsi_frame *frame, const sp
     return light->map_bounds ? light->map_bounds : &frame->content->bounds;
 }
 
-/* Aims a light's transmittance map: one ray grid if a cone covers the medium, else six faces. Returns their number; 0:
-   too far from the world's origin. */
+/* One ray grid if a cone covers the medium, else six faces. Returns their number; 0: too far from the world's
+   origin. */
 SPSI_COLD int spsi_light_rays(const spsi_frame *frame, const spsi_light *light, spsi_rays rays[SPSI_CUBE_FACES]) {
     const spsi_bounds *bounds = spsi_light_bounds(frame, light);
     const double texel = spsi_light_texel(frame, light);
@@ -8598,7 +8598,7 @@ static void spsi_to_light(const spsi_light *light, const double offset[3], doubl
     for (int k = 0; k < 3; ++k) place[k] = spsi_dot(k < 2 ? light->across[k] : light->direction, offset);
 }
 
-/* Intensity factor of a spotlight, given 1 - cos of the angle from its axis. */
+/* Intensity factor at an angle, given as 1 - cos. */
 static inline spsi_v spsi_cone_fraction(const spsi_cone *cone, spsi_v versine) {
     const spsi_v share = spsi_div(spsi_sub(spsi_set((float)cone->none), versine), spsi_set((float)cone->rim));
     const spsi_v most = spsi_clamp(share, spsi_set(0), spsi_set(1));
@@ -8610,7 +8610,7 @@ static double spsi_cone_at(const spsi_cone *cone, double versine) {
     return cone->exists ? share * share : 1;
 }
 
-/* 1 - cos of the angle from the axis, in the light's frame. */
+/* 1 - cos of the angle from the axis. */
 static inline spsi_v spsi_versine_v(const spsi_v place[3]) {
     const spsi_v aside = spsi_fma(place[0], place[0], spsi_mul(place[1], place[1])), z = place[2];
     const spsi_v r = spsi_max(spsi_sqrt(spsi_fma(z, z, aside)), spsi_set(FLT_MIN));
@@ -8837,7 +8837,7 @@ static void spsi_projection_at(const spsi_frame *frame, const spsi_light *light,
    17 Depth maps: polygons between the medium and a light. Cost: the rasteriser's, and 12 bytes per texel; six faces
    have 1.5 times one's texels. */
 
-#define SPSI_CELL      16 /* texels along a side of a cell */
+#define SPSI_CELL      16 /* texels per side */
 #define SPSI_STEEP 1024 /* maximum slope of a plane, in texels per texel */
 
 /* Per texel, the plane of the nearest polygon, evaluated on the medium's ray. Planes shade nothing in front, however
@@ -8853,14 +8853,14 @@ typedef struct spsi_depth_map {
     spsi_linear along[SPSI_CUBE_FACES][3];
 } spsi_depth_map;
 
-/* May be finer than the light's sheets, since it is cheap. */
+/* May exceed the sheets', since it is cheap. */
 SPSI_COLD int spsi_depth_map_size(const spsi_frame *frame) {
     return spsi_imax(8, spsi_imax(frame->view.shadow_resolution, frame->accuracy.depth_map_texels));
 }
 
 static int spsi_depth_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
 
-/* Upper bound for one face of `size` texels, or six of half that. */
+/* Maximum for one face of `size` texels, or six of half. */
 SPSI_COLD size_t spsi_depth_map_floats_most(size_t size) {
     const size_t cells = size / SPSI_CELL + 2, texels = size * size / 2 * 3 + SPSI_CUBE_FACES * 64;
     return 3 * texels + 2 * SPSI_CUBE_FACES * cells * cells;
@@ -8891,9 +8891,8 @@ SPSI_COLD void spsi_depth_map_aim(const spsi_frame *frame, const spsi_light *lig
         spsi_rays_of_cube_face(light->position, face, spsi_imax(8, size / 2), 1, &map->rays[face]);
 }
 
-/* --- filling a depth map --- */
+/* --- filling --- */
 
-/* A translucent face's plane at a texel. */
 typedef struct spsi_translucent_plane {
     float depth, slope[2]; /* see spsi_depth_map */
     int face;
@@ -8921,8 +8920,8 @@ typedef struct spsi_map_plane {
     const spsi_rays *rays;
     int number;       /* its face; -1: none */
     double a, b;      /* n.a and n.b */
-    double normal[3]; /* n */
-    double texel;     /* texel step */
+    double normal[3];
+    double texel;
 } spsi_map_plane;
 
 static void spsi_map_plane_build(spsi_map_plane *plane, int number) {
@@ -8952,7 +8951,7 @@ static void spsi_map_plane_slopes(spsi_map_plane *plane, int number, int x, int 
     cells[x / SPSI_CELL] = spsi_fmin(cells[x / SPSI_CELL], depth - fabsf(slope[0]) - fabsf(slope[1]));
 }
 
-/* Makes translucent planes from fragments, or slopes from the rasteriser's face numbers. Lowers the row's cells. */
+/* Makes translucent planes from fragments, or slopes from the rasteriser's face numbers. Lowers cells. */
 static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
     const spsi_rays *rays = &job->map->rays[job->face];
     const uint32_t *first = job->translucent ? job->translucent->first[job->face] : NULL;
@@ -8997,14 +8996,12 @@ static void spsi_cells_spread(float *nearest, int columns, int rows) {
         }
 }
 
-/* Planes and cells of a rasterised face. */
 static void spsi_planes_fill(sps_context *context, spsi_planes_job *job) {
     const int rows = spsi_depth_map_cells(job->map->rays[job->face].height);
     spsi_parallel_items(context, rows, spsi_planes_task, job);
     spsi_cells_spread(job->map->nearest[job->face], job->map->cells[job->face], rows);
 }
 
-/* True if an opaque polygon may reach into the map; mostly the first decides. */
 SPSI_COLD int spsi_depth_map_met(const spsi_faces *faces, const spsi_depth_map *map) {
     for (int i = 0; i < faces->count; ++i)
         for (int face = 0; face < map->face_count && !spsi_face_is_translucent(&faces->list[i]); ++face) {
@@ -9015,7 +9012,7 @@ SPSI_COLD int spsi_depth_map_met(const spsi_faces *faces, const spsi_depth_map *
     return 0;
 }
 
-/* --- looking up a depth map --- */
+/* --- lookups --- */
 
 SPSI_COLD void spsi_depth_map_follow(const spsi_rays *eye, spsi_depth_map *map) {
     for (int face = 0; face < map->face_count; ++face)
@@ -9026,12 +9023,12 @@ SPSI_COLD void spsi_depth_map_follow(const spsi_rays *eye, spsi_depth_map *map) 
 
 /* Segments d[0]..d[1] of the eye's rays on a face. */
 typedef struct spsi_map_segment {
-    spsi_v middle[3], rise[3]; /* relative to `first`: middle, and half the extent */
+    spsi_v middle[3], rise[3]; /* relative to `first`: middle and half extent */
     spsi_v first[2];           /* first of the four texels around the middle */
     spsi_m inside;             /* lanes on the face */
 } spsi_map_segment;
 
-/* Texels and depths of segments' ends; t: distance along the face's axis. */
+/* t: distance along the face's axis. */
 static inline void spsi_map_ends(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
                                  spsi_v q[2][3], spsi_v t[2]) {
     const spsi_rays *rays = &map->rays[face];
@@ -9045,7 +9042,7 @@ static inline void spsi_map_ends(const spsi_depth_map *map, int face, spsi_v at,
     }
 }
 
-/* Clamps the middle to the grid, and finds its four texels. */
+/* Clamps the middle to the grid. */
 static inline void spsi_map_segment_place(const spsi_rays *rays, spsi_map_segment *way) {
     for (int i = 0; i < 2; ++i) {
         const float last = (float)(i == 0 ? rays->width - 1 : rays->height - 1);
@@ -9088,7 +9085,6 @@ static inline spsi_v spsi_map_segment_fraction(const spsi_map_segment *way, cons
     return spsi_clamp(spsi_fma(half, spsi_div(ahead, spsi_max(per, spsi_set(FLT_MIN * 16))), half), zero, one);
 }
 
-/* Bilinear interpolation of four texels. */
 static inline spsi_v spsi_map_segment_mean(const spsi_map_segment *way, const spsi_v texels[4]) {
     return spsi_mix(spsi_mix(texels[0], texels[1], way->middle[0]), spsi_mix(texels[2], texels[3], way->middle[0]),
                     way->middle[1]);
@@ -9111,8 +9107,8 @@ static inline spsi_v spsi_depth_map_fraction(const spsi_depth_map *map, int face
     return spsi_select(way.inside, spsi_map_segment_mean(&way, share), spsi_set(1));
 }
 
-/* Mask of lanes that a face may shade: one cell lookup saves most slabs four texels. Undecided in *wide: ends far from
-   the middle's cell, or on both sides of the light. */
+/* Mask of lanes that a face may shade. One cell lookup spares most slabs four texels' planes. Undecided in *wide: ends
+   far from the middle's cell, or on both sides of the light. */
 static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
                                           int *wide) {
     const spsi_rays *rays = &map->rays[face];
@@ -9152,7 +9148,7 @@ static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, 
 
 /* --- translucent polygons --- */
 
-/* Counts (listing 0) or lists a face's planes. */
+/* `listing` 0: only counts. */
 SPSI_COLD void spsi_translucent_planes_raster(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                               spsi_translucency_map *map, int face, int listing) {
     spsi_layers_job job;
@@ -9206,7 +9202,7 @@ typedef struct spsi_translucent_planes {
     float depth[SPSI_LANES], slope[2][SPSI_LANES], passes[3][SPSI_LANES];
 } spsi_translucent_planes;
 
-/* Finds planes at texel i of segments, or infinitely far ones. Returns 0 if there are none. */
+/* Missing planes are infinitely far. Returns 0 if all are missing. */
 static int spsi_translucent_planes_find(const spsi_translucency_map *map, int face, const spsi_faces *faces,
                                         const spsi_map_segment *way, int i, uint32_t n,
                                         spsi_translucent_planes *translucent) {
@@ -9276,9 +9272,8 @@ static void spsi_translucency_map_filter(const spsi_translucency_map *map, const
 
 /* ================================================================================================ >>spheres
    18 Particles as spheres. A ray of direction e meets a sphere of radius r about C in a chord. Its middle is t = C.e /
-   e.e, its half length sqrt(1 - d^2) r, with d r = |C x e| / |e|. Relative to the centre, these are polynomials that
-   floats resolve. Spheres near the rays' origin are intersected one ray at a time. Cost: 15 operations per vector of
-   pixels. */
+   e.e, its half length sqrt(1 - d^2) r, with d r = |C x e| / |e|. Relative to the centre, floats suffice for these
+   polynomials. Spheres near the rays' origin are intersected ray by ray. Cost: 15 operations per vector of pixels. */
 
 /* A sphere is near within SPSI_SPHERE_NEAR radii of the origin's plane, or below a cosine SPSI_SPHERE_ASIDE to the
    axis, where pixels stretch. */
@@ -9290,32 +9285,31 @@ static void spsi_translucency_map_filter(const spsi_translucency_map *map, const
 #define SPSI_SPHERE_COARSE       4.0
 #define SPSI_SPHERE_COARSE_LIGHT 1.5
 
-/* (dx, dy): a pixel's offset from the centre; e: its ray; c: the centre's. With p = tilt . (dx, dy) and
-   q = bend[0] dx^2 + 2 bend[1] dx dy + bend[2] dy^2, e.e / c.c = 1 + 2p + q in perspective. */
+/* (dx, dy): a pixel's offset from the centre; e: its ray; c: the centre's. Let p = tilt . (dx, dy) and
+   q = bend[0] dx^2 + 2 bend[1] dx dy + bend[2] dy^2. In perspective, e.e / c.c = 1 + 2p + q. */
 typedef struct spsi_sphere {
     int x0, y0, x1, y1; /* pixel box, inclusive; x1 < x0: empty */
     float x, y;         /* centre, relative to (x0, y0) */
     float t;            /* centre, t - depth_reference */
-    float radius;       /* t */
+    float radius;       /* radius in t */
     float cross[3];     /* d^2 e.e / c.c = cross[0] dx^2 + 2 cross[1] dx dy + cross[2] dy^2 */
-    float tilt[2];      /* p */
-    float bend[3];      /* q; 0 without perspective */
+    float tilt[2];      /* coefficients of p */
+    float bend[3];      /* coefficients of q; 0 without perspective */
     float shift;        /* chord's middle: shift (p + q) / (e.e / c.c) behind the centre */
     float depth;        /* optical depth of the diameter */
     int soft;           /* 1: densest in the middle */
     float offset[3];    /* centre, from the rays' origin */
-    int near_by;        /* 1: intersected one ray at a time */
+    int near_by;        /* 1: intersected ray by ray */
     float world_radius; /* if near */
 } spsi_sphere;
 
-/* Chords of a vector of rays. */
 typedef struct spsi_chord {
     spsi_v middle; /* t - depth_reference */
     spsi_v half;   /* half length in t */
     spsi_v share;  /* half length per radius; 0: missed */
 } spsi_chord;
 
-/* In t, equal for all faces of a cube; 1 without perspective. */
+/* Distance in t, equal for all faces of a cube; 1 without perspective. */
 static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
     if (!rays->perspective) return 1;
     if (rays->is_cube_face) return spsi_dmax(fabs(offset[0]), spsi_dmax(fabs(offset[1]), fabs(offset[2])));
@@ -9323,8 +9317,8 @@ static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
 }
 
 /* Optical depth of a sphere widened to area / `share`, with equal total extinction. The outline's transmittance is
-   fitted by f^-2, or f^-2/3 if soft. Errors are 1 % of a homogeneous sphere's 1 - 2 (1 - (1 + d) e^-d) / d^2, and 2 %
-   if soft. */
+   fitted by f^-2, or f^-2/3 if soft. A homogeneous sphere absorbs 1 - 2 (1 - (1 + d) e^-d) / d^2; errors are within 1
+   %, or 2 % if soft. */
 static double spsi_sphere_widen(double depth, int soft, double share) {
     const double a = soft ? 0.6 : 1.0 / 3, b = soft ? 0.566 : 0.374, c = soft ? 3.6 : 7;
     const double f = 1 + depth * (a + b * depth / (depth + c)), passes = 1 / (soft ? cbrt(f * f) : f * f);
@@ -9334,12 +9328,12 @@ static double spsi_sphere_widen(double depth, int soft, double share) {
     return spsi_dmin(share * depth, c * wide / (half + sqrt(half * half + (a + b) * c * wide)));
 }
 
-/* Radius, raised to the pixels' minimum. `offset`: centre from the rays' origin. */
+/* Raised to the pixels' minimum. `offset`: centre from the rays' origin. */
 static double spsi_sphere_radius(const spsi_rays *rays, const sps_particle *particle, const double offset[3]) {
     return spsi_dmax((double)particle->radius, SPSI_SPHERE_LEAST * rays->pixel * spsi_distance_to(rays, offset));
 }
 
-/* Below 1e-3, optical depth falls with the widened area, within 4e-4. */
+/* Below 1e-3, optical depth falls with area, within 4e-4. */
 static void spsi_sphere_dilute(const spsi_particle_set *set, const sps_particle *particle, double radius,
                                spsi_sphere *sphere) {
     const double own = (double)particle->radius, share = own < radius ? (own / radius) * (own / radius) : 1;
@@ -9354,7 +9348,7 @@ typedef struct spsi_outline {
     double a, b, c, d, e;
 } spsi_outline;
 
-/* Pixels in the outline along dx, within 0 .. size - 1. */
+/* Pixels in the outline along dx. */
 static void spsi_outline_range(const spsi_outline *outline, double centre, int size, int *first, int *last) {
     const double a = outline->a, b = outline->b, c = outline->c, d = outline->d, e = outline->e;
     const double square = a * c - b * b, half = c * d - b * e;
@@ -9398,8 +9392,8 @@ static void spsi_sphere_shape(const spsi_rays *rays, const double c[3], const do
     sphere->radius = (float)(radius * sqrt(per_square));
 }
 
-/* Pixels between the two tangent planes through the rays' origin: x solves (X - x T)^2 = r^2 |across - x along|^2.
-   Spheres that reach behind the origin are bounded on one side. They are unbounded around the planes' common line. */
+/* Pixels between tangent planes through the rays' origin: x solves (X - x T)^2 = r^2 |across - x along|^2. Spheres that
+   reach behind the origin are bounded on one side. They are unbounded around the planes' common line. */
 static void spsi_sphere_near_range(const double across[3], const double along[3], const double offset[3], double radius,
                                    int size, int *first, int *last) {
     const double x = spsi_dot(across, offset), t = spsi_dot(along, offset), square = radius * radius;
@@ -9413,7 +9407,7 @@ static void spsi_sphere_near_range(const double across[3], const double along[3]
     if (a > 0 || !(x - b / a * t > 0)) *last = (int)spsi_dmax(spsi_dmin(floor(a > 0 ? high : low), size - 1), -1);
 }
 
-/* Returns the world radius, raised to the minimum. */
+/* Returns the raised radius. */
 static double spsi_sphere_build(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
                                 spsi_sphere *sphere) {
     double centre[3], offset[3], q[3], c[3], radius, ahead;
@@ -9445,7 +9439,7 @@ static double spsi_sphere_build(const spsi_rays *rays, const spsi_particle_set *
     return radius;
 }
 
-/* Returns 0 if a ray misses a near sphere. The chord is as in spsi_chord. */
+/* Returns 0 if a ray misses a near sphere. `chord`: see spsi_chord. */
 static int spsi_sphere_meets(const spsi_rays *rays, const spsi_sphere *sphere, int x, int y, double chord[3]) {
     const double radius = (double)sphere->world_radius;
     double centre[3], e[3], nearest[3], square, middle, share;
@@ -9475,7 +9469,7 @@ static void spsi_sphere_chord_near(const spsi_rays *rays, const spsi_sphere *sph
     chord->share = spsi_load(lanes[2]);
 }
 
-/* Also valid outside of a distant sphere's box. */
+/* Also valid outside of the sphere's box. */
 static inline void spsi_sphere_chord_far(const spsi_rays *rays, const spsi_sphere *sphere, spsi_v dx, spsi_v dy,
                                          spsi_chord *chord) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0), twice = spsi_add(dy, dy), down = spsi_mul(dy, dy);
@@ -9508,7 +9502,7 @@ static inline void spsi_sphere_chord(const spsi_rays *rays, const spsi_sphere *s
     spsi_sphere_chord_far(rays, sphere, dx, dy, chord);
 }
 
-/* Optical depth: the integral of 1, or of 1 - s^2 if soft. */
+/* Integral of 1, or of 1 - s^2 if soft. */
 static inline spsi_v spsi_chord_depth(const spsi_sphere *sphere, const spsi_chord *chord) {
     const spsi_v depth = spsi_mul(chord->share, spsi_set(sphere->depth));
     return sphere->soft ? spsi_mul(depth, spsi_mul(chord->share, chord->share)) : depth;
@@ -9521,7 +9515,7 @@ static inline spsi_v spsi_chord_fraction(int soft, spsi_v v) {
     return spsi_fma(s, spsi_sub(spsi_set(0.75f), spsi_mul(spsi_set(0.25f), spsi_mul(s, s))), half);
 }
 
-/* Solid angle of a cube texel, relative to a central one; edges count half per face. */
+/* Solid angle relative to a cube face's middle; edges count half per face. */
 static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
     const int edges = (x == 0 || x == rays->width - 1) + (y == 0 || y == rays->height - 1);
     double e[3];
@@ -9529,7 +9523,7 @@ static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
     return pow(spsi_dot(e, e), -1.5) * (edges == 0 ? 1 : edges == 1 ? 0.5 : 0.25);
 }
 
-/* Sum of unit chords over a box of texels. `round`: weighted by solid angle. */
+/* Sum of unit chords over texels. `round`: weighted by solid angle. */
 static double spsi_sphere_sum(const spsi_rays *rays, const spsi_sphere *sphere, const int box[4], int round) {
     float lanes[SPSI_LANES];
     spsi_v sums = spsi_set(0);
@@ -9562,7 +9556,7 @@ static double spsi_sphere_box(const spsi_sphere *sphere, int box[4]) {
     return SPSI_PI / sqrt(square);
 }
 
-/* Sum of chords over all cube faces by the exact one. Equal for all faces, to avoid seams. */
+/* Ratio of chords' sum over all cube faces to the exact sum. Equal for all faces, to avoid seams. */
 static double spsi_sphere_mass_round(const spsi_rays *own, const spsi_rays *faces, const spsi_particle_set *set,
                                      const sps_particle *particle, const spsi_sphere *sphere, const double offset[3]) {
     const double texel = spsi_length(own->a) * spsi_length(offset), radius = spsi_sphere_radius(own, particle, offset);
@@ -9582,13 +9576,13 @@ static double spsi_sphere_mass_round(const spsi_rays *own, const spsi_rays *face
     return sum * texel * texel / (SPSI_PI * radius * radius * spsi_sphere_mean(sphere));
 }
 
-/* Makes a small sphere's mass exact wherever its centre lies among texels. Full up to radii of 2/3 `coarse` texels,
-   fading towards `coarse`. `faces`: a cube, counted together; NULL: one face. */
+/* Makes a small sphere's mass exact wherever its centre lies. Full up to radii of 2/3 `coarse` texels, fading towards
+   `coarse`. `faces`: a cube, counted together; NULL: one face. */
 static void spsi_sphere_weigh(const spsi_rays *rays, const spsi_rays *faces, double coarse,
                               const spsi_particle_set *set, const sps_particle *particle, spsi_sphere *sphere) {
     double centre[3], offset[3], texel, share, mass;
     int box[4];
-    /* most are larger: their outlines' inverse square half axes have a small sum */
+    /* most are larger; this is the sum of the outline's inverse squared half axes */
     if (!sphere->near_by && (double)sphere->cross[0] + (double)sphere->cross[2] < 1 / (coarse * coarse)) return;
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     spsi_along(centre, rays->origin, -1, offset);
@@ -9606,22 +9600,21 @@ static void spsi_sphere_weigh(const spsi_rays *rays, const spsi_rays *faces, dou
 /* ============================================================================================== >>slicing
    19 Slabs. They are perpendicular to s = normalise(e + l), with ray directions e of the eye and l of the light. Beyond
    a right angle, s = normalise(l - e), and the eye composites back to front. |l +- e| >= sqrt 2, so s never
-   degenerates; light always crosses slabs along s. [Zhang & Crawfis, section 4] */
+   degenerates; light always follows s. [Zhang & Crawfis, section 4] */
 
 #define SPSI_COSINE_MIN  0.1  /* minimum with s: rays cross a slab within 10 thicknesses */
 #define SPSI_COSINE_EVEN 0.35 /* slabs are halved below; the middle ray has 0.71 or more */
-#define SPSI_SLAB_TEXELS 8    /* maximum thickness, in light texels, of slabs widened to pixels */
+#define SPSI_SLAB_TEXELS 8    /* maximum thickness in light texels, if pixels are wide */
 
 typedef struct spsi_slabs {
     double normal[3]; /* s */
     double start;     /* s . p of the first slab */
     double thickness;
     int count;
-    int group; /* slabs shaded at once, a power of 2; the last may lie behind everything */
+    int group; /* slabs shaded at once, a power of 2; may exceed the end */
     int wide;  /* 1: thicker than voxels, since pixels are wide */
 } spsi_slabs;
 
-/* The integer part is the slab's number. */
 static double spsi_slab_at(const spsi_slabs *slabs, const double point[3]) {
     return (spsi_dot(slabs->normal, point) - slabs->start) / slabs->thickness;
 }
@@ -9640,14 +9633,14 @@ typedef struct spsi_sweep {
     int first;             /* 1: also carries coverage, ambient light, emission, and lights without sheets */
     int back_to_front;
     double cosine_of_light, cosine_of_eye; /* minimum over rays, with s */
-    int part[4];                           /* of the image: first column and row, and their ends */
-    spsi_rays eye;                         /* through this part; only directions are used */
+    int part[4];                           /* first column and row in the image, and their ends */
+    spsi_rays eye;                         /* this part's rays; only directions are used */
     spsi_slabs slabs;
     spsi_rays rays; /* light texels */
     int soft;       /* 1: penumbrae exceed half a texel */
 } spsi_sweep;
 
-/* Minimum over the rays through a grid's corners. */
+/* Minimum over a grid's corner rays. */
 SPSI_COLD double spsi_cosine_to_corners(const double s[3], const spsi_rays *rays) {
     double least = 1;
     for (int corner = 0; corner < 4; ++corner) {
@@ -9665,7 +9658,7 @@ SPSI_COLD int spsi_bounds_hold(const spsi_bounds *bounds, const double point[3])
     return inside;
 }
 
-/* Minimum over the rays to corners of `bounds`; -1 from inside. */
+/* Minimum over rays to the corners of `bounds`; -1 from inside. */
 SPSI_COLD double spsi_cosine_to_bounds(const double s[3], const double from[3], const spsi_bounds *bounds) {
     const int inside = spsi_bounds_hold(bounds, from);
     double least = 1;
@@ -9684,12 +9677,12 @@ SPSI_COLD double spsi_cosine_to_bounds(const double s[3], const double from[3], 
    halves or quarters with their own slabs. A quarter's rays lie within an octant, and cross slabs about its middle at a
    cosine of 0.25 or more. */
 
-/* Number of parts; sweeps with sheets need the whole image. */
+/* Sweeps with sheets need the whole image. */
 SPSI_COLD int spsi_subslab_count(const spsi_frame *frame) {
     return frame->lights.sliced_count > 0 ? 1 : frame->content->parts[0] * frame->content->parts[1];
 }
 
-/* First column and row of the n-th part, and their ends. */
+/* First column and row, and their ends. */
 SPSI_COLD void spsi_subslab_place(const spsi_frame *frame, int n, int part[4]) {
     const spsi_content *content = frame->content;
     const int at[2] = {n % content->parts[0], n / content->parts[0]};
@@ -9705,7 +9698,7 @@ SPSI_COLD int spsi_subslab_meets(const int part[4], const int region[4]) {
            part[3] > region[1];
 }
 
-/* Mean of the rays through a part's corners. */
+/* Mean of corner rays. */
 SPSI_COLD void spsi_subslab_direction(const spsi_rays *eye, double direction[3]) {
     memset(direction, 0, 3 * sizeof *direction);
     for (int corner = 0; corner < 4; ++corner) {
@@ -9717,7 +9710,7 @@ SPSI_COLD void spsi_subslab_direction(const spsi_rays *eye, double direction[3])
     spsi_normalise(direction);
 }
 
-/* `light`: whose sheets it has; NULL: none. */
+/* `light`: its sheets are swept; NULL: none. */
 SPSI_COLD void spsi_sweep_clear(const spsi_frame *frame, const spsi_light *light, int part, spsi_sweep *sweep) {
     double *corner = frame->content->eye.perspective ? sweep->eye.c : sweep->eye.origin;
     memset(sweep, 0, sizeof *sweep);
@@ -9739,14 +9732,14 @@ SPSI_COLD void spsi_eye_axis(const spsi_rays *eye, double axis[3]) {
     spsi_normalise(axis);
 }
 
-/* True if corner rays cross slabs about the axis too obliquely. */
+/* True if corner rays cross slabs too obliquely. */
 static int spsi_eye_is_wide(const spsi_frame *frame) {
     double axis[3];
     spsi_eye_axis(&frame->content->eye, axis);
     return spsi_cosine_to_corners(axis, &frame->content->eye) < SPSI_COSINE_EVEN;
 }
 
-/* Towards the medium's middle if all of it is in front of the eye, else along the camera's axis. */
+/* Towards the medium's middle if all of it is in front of the eye, else along the axis. */
 SPSI_COLD void spsi_eye_direction(const spsi_frame *frame, double direction[3]) {
     const spsi_rays *eye = &frame->content->eye;
     double axis[3], centre[3], to_centre[3];
@@ -9759,12 +9752,11 @@ SPSI_COLD void spsi_eye_direction(const spsi_frame *frame, double direction[3]) 
         memcpy(direction, to_centre, sizeof to_centre);
 }
 
-/* The medium's name in messages. */
 SPSI_COLD const char *spsi_gases(const spsi_frame *frame) {
     return frame->particles.set_count > 0 ? "volumes or particles" : "volumes";
 }
 
-/* Fails: a ray meets slabs at too small a cosine, no cone covers the medium, or texels coincide. */
+/* A ray meets slabs at too small a cosine, no cone covers the medium, or texels coincide. */
 SPSI_COLD sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
     const double cosine = sweep->cosine_of_light < SPSI_COSINE_MIN ? sweep->cosine_of_light : 0;
     char rest[SPSI_SENTENCE_SIZE] = SPSI_TEXELS_ALIKE;
@@ -9800,7 +9792,6 @@ SPSI_COLD sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_f
                           frame->has_matrix ? 0 : value, rest);
 }
 
-/* Minimum over a light's rays through the medium. */
 SPSI_COLD double spsi_cosine_of_light(const spsi_frame *frame, const spsi_light *light, const double s[3]) {
     double least = HUGE_VAL;
     for (int i = 0; i < light->point_count; ++i) {
@@ -9827,13 +9818,13 @@ SPSI_COLD int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi
     }
     for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->slabs.normal[i] : sweep->slabs.normal[i];
     sweep->cosine_of_eye = spsi_cosine_to_corners(toward, &sweep->eye); /* rays of the part */
-    if (sweep->eye.perspective) /* rays that can meet the medium; both cosines are lower bounds */
+    if (sweep->eye.perspective) /* rays that can meet the medium; both are lower bounds */
         sweep->cosine_of_eye =
             spsi_dmax(sweep->cosine_of_eye, spsi_cosine_to_bounds(toward, sweep->eye.origin, &frame->content->bounds));
     return sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye >= SPSI_COSINE_MIN;
 }
 
-/* Slabs face the medium, or else the camera's axis; for a part, its middle. Returns 1 on success. */
+/* Tries slabs facing the medium, then the camera's axis; for a part, its middle. Returns 1 on success. */
 SPSI_COLD int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
     double eye[3], axis[3];
     if (!sweep->light && spsi_subslab_count(frame) > 1) {
@@ -9859,7 +9850,7 @@ SPSI_COLD double spsi_slab_chord(const spsi_lattice *lattice, const double s[3],
     return share / sqrt(sum);
 }
 
-/* Minimum for rays from a point to the corners and middle of `bounds`. */
+/* Minimum for rays to the corners and middle of `bounds`. */
 SPSI_COLD double spsi_chord_to_bounds(const spsi_lattice *lattice, const double s[3], const double from[3],
                                       const spsi_bounds *bounds) {
     double least = HUGE_VAL;
@@ -9889,8 +9880,8 @@ SPSI_COLD double spsi_chord_of_rays(const spsi_frame *frame, const spsi_lattice 
     return spsi_dmax(least, spsi_chord_to_bounds(lattice, s, rays->origin, &frame->content->bounds));
 }
 
-/* Voxel length that sizes slabs: the extent along s, or for classified volumes a shorter chord, since values must
-   change little per slab. At least 1/16 of the extent, for very flat voxels. */
+/* Voxel length that sizes slabs: the extent along s. Classified volumes use a shorter chord, since values must change
+   little per slab. At least 1/16 of the extent, for very flat voxels. */
 SPSI_COLD double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                  const spsi_light *light, const double s[3]) {
     const double extent = spsi_voxel_extent(lattice, s), flattest = 1.0 / 16;
@@ -9906,8 +9897,8 @@ SPSI_COLD double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *la
     return spsi_dmin(extent, spsi_dmax(chord, flattest * extent));
 }
 
-/* Cuts groups of finer slabs where radiance changes within them: `fine` for particles. For voxels, the longer of their
-   shortest edge and an optical depth of 0.05 at value 1, times slab_thickness. Never below `least`. */
+/* Cuts finer slabs in groups where radiance changes within them. Particles need `fine`. Voxels need slab_thickness
+   times their shortest edge, or an optical depth of 0.05 at value 1 if longer. Never below `least`. */
 static void spsi_slabs_group(const spsi_frame *frame, double fine, double least, spsi_slabs *slabs) {
     slabs->group = 1;
     if (frame->matter.classifies || frame->view.slab_thickness > SPSI_GROUP_SLAB) return;
@@ -9922,8 +9913,8 @@ static void spsi_slabs_group(const spsi_frame *frame, double fine, double least,
     if (slabs->group > 1) slabs->thickness /= finer;
 }
 
-/* Places slabs across the medium for the rays of a target and a light, if any. `edge`: a particle's equivalent voxel
-   edge, or infinite. `least`: useful thickness, unless a chunk is thinner. Returns their number. */
+/* Places slabs across the medium for rays of a target and a light, if any. `edge`: a particle's equivalent voxel edge,
+   or infinite. `least`: useful thickness, while a chunk of slabs remains. Returns their number. */
 SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_light *light, double edge,
                                   double least, spsi_slabs *slabs) {
     double low = HUGE_VAL, high = -HUGE_VAL, beyond = 0, particles;
@@ -9933,7 +9924,7 @@ SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays
         low = spsi_dmin(low, spsi_dot(point, slabs->normal));
         high = spsi_dmax(high, spsi_dot(point, slabs->normal));
     }
-    edge = spsi_dmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* limits slabs due to stray particles */
+    edge = spsi_dmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* limits slabs of stray particles */
     particles = edge;
     for (int i = 0; i < frame->medium_count; ++i)
         edge = spsi_dmin(edge, spsi_slab_voxel(frame, &frame->lattices[i], rays, light, slabs->normal));
@@ -9946,7 +9937,6 @@ SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays
     return ceil((high - low) / slabs->thickness);
 }
 
-/* Fails if there are too many. */
 SPSI_COLD sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                     const spsi_light *light, double edge, double least, spsi_slabs *slabs) {
     const double count = spsi_slabs_place(frame, rays, light, edge, least, slabs);
@@ -9957,7 +9947,7 @@ SPSI_COLD sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *fram
     return SPS_OK;
 }
 
-/* Widest penumbra across all content, in texels; infinite if anything is beside or behind the light. */
+/* Widest penumbra across all content; infinite if anything is beside or behind the light. */
 SPSI_COLD double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sweep) {
     const spsi_light *light = sweep->light;
     const double texel = spsi_dmin(spsi_length(sweep->rays.a), spsi_length(sweep->rays.b));
@@ -9977,7 +9967,6 @@ SPSI_COLD double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep 
     return 2 * light->extent.radius * (1 / near_by - 1 / far_off) / texel;
 }
 
-/* Returns 1 on success. */
 static int spsi_sweep_fit(const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_light *light = sweep->light;
     const double pixels = frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, light);
@@ -9990,26 +9979,24 @@ static int spsi_sweep_fit(const spsi_frame *frame, spsi_sweep *sweep) {
     return 1;
 }
 
-/* Returns 1 on success. */
 SPSI_COLD int spsi_sweep_aim(const spsi_frame *frame, spsi_sweep *sweep) {
     return spsi_sweep_direction(frame, sweep) && (!sweep->light || spsi_sweep_fit(frame, sweep));
 }
 
 static int spsi_sweep_count(const spsi_frame *frame) { return spsi_imax(1, frame->lights.sliced_count); }
 
-/* NULL if there is none. */
 SPSI_COLD const spsi_light *spsi_sliced_light(const spsi_frame *frame, int n) {
     for (int i = 0; i < frame->lights.count; ++i)
         if (frame->lights.list[i].sliced && n-- == 0) return &frame->lights.list[i];
     return NULL;
 }
 
-/* Lights whose shadows a sweep carries; most in the first. */
+/* The first sweep has most. */
 SPSI_COLD int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
     return (n < frame->lights.sliced_count) + (n == 0 ? frame->lights.shadow_count - frame->lights.sliced_count : 0);
 }
 
-/* Falls back on the bounds that shadows were chosen with, which contain the medium. Returns 1 on success. */
+/* Falls back on the wider bounds that shadows were chosen with. Returns 1 on success. */
 SPSI_COLD int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_bounds tight = frame->content->bounds;
     spsi_sweep wider = *sweep;
@@ -10028,9 +10015,8 @@ SPSI_COLD double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *swee
     return spsi_dmin(least, SPSI_SLAB_TEXELS * spsi_pixel_size_at(&sweep->rays, sweep->rays.depth_reference));
 }
 
-/* Returns a particle's equivalent voxel edge, infinite without particles. A sphere's variance is that of a voxel of 0.7
-   radii (r^2 / 5 if homogeneous). A cloud is at most about 500 edges deep, since depth need not resolve small
-   particles. */
+/* Returns a particle's equivalent voxel edge, or infinity. A sphere's variance is that of a voxel of 0.7 radii (r^2 / 5
+   if homogeneous). A cloud is at most about 500 edges deep, since depth need not resolve small particles. */
 SPSI_COLD double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
     spsi_sweep_clear(frame, spsi_sliced_light(frame, n), part, sweep);
     sweep->first = n == 0;
@@ -10038,7 +10024,6 @@ SPSI_COLD double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi
     return spsi_dmax(SPSI_PARTICLE_EDGE * frame->content->particle_radius, frame->content->particle_spread / 200);
 }
 
-/* No slabs without a medium. */
 SPSI_COLD sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, int part,
                                       spsi_sweep *sweep) {
     const double edge = spsi_sweep_begin(frame, n, part, sweep);
@@ -10078,15 +10063,14 @@ SPSI_COLD void spsi_image_divide(const spsi_frame *frame) {
 
 /* ================================================================================================ >>splat
    20 Footprints. In ray space a voxel's kernel is a Gaussian whose line integral is a 2D Gaussian [Zwicker et al.
-   2002]. Its section between two slab planes is a difference of spsi_kernel_fraction. It varies per pixel, because
-   slabs are tilted and kernels sheared; otherwise the error would not fall with thickness. Near a perspective eye, each
-   pixel's own ray is integrated. Sections end at polygons and the near plane, and footprints are widened to a pixel.
-   Classified volumes are sampled per pixel and whole slab instead, because a transfer function of a mean is not the
-   mean of the transfer function. Sheets hold the integral of value over t; shading applies length per t. Narrow
-   footprints fill a vector with two rows. Cost: 14 vector operations per vector of fragments and section, 25 per
-   row. */
+   2002]. Its section between two slab planes is a difference of spsi_kernel_fraction. It varies per pixel, since slabs
+   are tilted and kernels sheared; otherwise the error would not fall with thickness. Near a perspective eye, each
+   pixel's own ray is integrated. Sections end at polygons and the near plane; footprints are widened to a pixel.
+   Classified volumes are sampled per pixel and whole slab instead: a transfer function of a mean is not the mean of the
+   transfer function. Sheets hold the integral of value over t; shading applies length per t. Cost: 14 vector operations
+   per vector of fragments and section, 25 per row. */
 
-/* A kernel near a perspective eye, in standard deviations of t to keep fourth powers in range. */
+/* A kernel near a perspective eye, in standard deviations of t: keeps fourth powers in range. */
 typedef struct spsi_near_case {
     float unit;          /* standard deviation of t */
     float covariance[6];
@@ -10095,7 +10079,6 @@ typedef struct spsi_near_case {
     float weight;        /* integral for value 1, without per-pixel factors */
 } spsi_near_case;
 
-/* Constants per volume, rays and slabs. */
 typedef struct spsi_splatter {
     int perspective;              /* 1: rays from one origin; 0: parallel */
     float sign;                   /* -1: rays cross slabs backwards; else 1 */
@@ -10114,7 +10097,7 @@ typedef struct spsi_splatter {
     float depth_reference;
     int whole;                    /* 1: sections are not cut, and rays continue behind the eye */
     int deposits;
-    float mass;                   /* of value 1: integral over x, y and t, times t^2 in perspective */
+    float mass;                   /* integral over x, y and t for value 1, times t^2 in perspective */
 } spsi_splatter;
 
 typedef struct spsi_brick_origin {
@@ -10123,7 +10106,7 @@ typedef struct spsi_brick_origin {
     float slab;
 } spsi_brick_origin;
 
-/* Footprints of a vector of voxels. Distances along a ray: v = t / (SPSI_CUT * standard deviation). */
+/* Distances along a ray are v = t / (SPSI_CUT * standard deviation). */
 typedef struct spsi_footprints {
     float x[SPSI_LANES];           /* centre in pixels */
     float y[SPSI_LANES];
@@ -10141,7 +10124,7 @@ typedef struct spsi_footprints {
     float per_slab[SPSI_LANES];    /* v per plane */
     float slope_x[SPSI_LANES];     /* a plane's v per pixel */
     float slope_y[SPSI_LANES];
-    float mean_x[SPSI_LANES];      /* the kernel's mean t per pixel */
+    float mean_x[SPSI_LANES];      /* kernel's mean t per pixel */
     float mean_y[SPSI_LANES];
     float per_depth[SPSI_LANES];   /* v per t */
     float spread[SPSI_LANES];      /* range per standard deviation, widened by slope_x */
@@ -10157,23 +10140,22 @@ typedef struct spsi_tile {
     int slab_count;         /* a chunk and its margins */
     int clamped;            /* 1: `limits` or the near plane may cut sections */
     float nearest_limit;    /* minimum in the tile */
-    const spsi_hit *limits; /* polygons by pixel of the image; NULL: none */
+    const spsi_hit *limits; /* polygons of the image; NULL: none */
     int limit_width;
     int limit_height;
-    uint64_t open;          /* patches not yet opaque; other footprints are skipped */
+    uint64_t open;          /* patches not yet opaque; skips other footprints */
     const float *depth;     /* optical depth so far; NULL: unknown */
     size_t depth_pitch;     /* floats per row */
     float end;              /* optical depth of early termination */
-    float eye_slab;         /* the eye's, for the near case */
+    float eye_slab;         /* the eye's slab coordinate */
     uint64_t visits;        /* footprints */
     uint64_t fragments;     /* their pixels times slabs */
     uint64_t samples;       /* of pyramids */
 } spsi_tile;
 
-/* Nearest column or row of patches. */
 static inline int spsi_patch_at(int at) { return spsi_imin(spsi_imax(at, 0), SPSI_TILE_WIDTH - 1) / SPSI_PATCH; }
 
-/* Mask of patches that meet a box, relative to the tile. */
+/* Mask of patches that meet a box. */
 static inline uint64_t spsi_patch_box(int x0, int y0, int x1, int y1) {
     const int c0 = spsi_patch_at(x0), c1 = spsi_patch_at(x1), r0 = spsi_patch_at(y0), r1 = spsi_patch_at(y1);
     const uint64_t columns = (UINT64_C(0xff) << c0) & (UINT64_C(0xff) >> (7 - c1));
@@ -10192,7 +10174,7 @@ static uint64_t spsi_patches_unfinished(const float *depth, size_t pitch, int wi
     return open;
 }
 
-/* Returns 0 if footprints overflow floats. */
+/* Returns 0 if floats overflow. */
 SPSI_COLD int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *rays, const spsi_slabs *slabs,
                                   float scale, double cut, spsi_splatter *splatter) {
     double e[3][3], covariance[3][3], rows[3][3], reach = 0, unit, root, mass, weight;
@@ -10212,8 +10194,7 @@ SPSI_COLD int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *
     unit = sqrt(covariance[2][2]);
     root = sqrt(spsi_determinant(covariance[0], covariance[1], covariance[2]));
     mass = (double)scale * lattice->voxel_volume / fabs(spsi_determinant(rays->a, rays->b, rays->c));
-    weight = mass / (-2 * SPSI_PI * expm1(-0.5 * cut * cut)); /* normalised within the cut: constant grids stay constant
-                                                                 */
+    weight = mass / (-2 * SPSI_PI * expm1(-0.5 * cut * cut)); /* keeps constant grids constant */
     for (int i = 0, k = 0; i < 3; ++i)
         for (int j = i; j < 3; ++j, ++k) {
             splatter->covariance[k] = (float)covariance[i][j];
@@ -10311,10 +10292,10 @@ typedef enum spsi_mass { SPSI_MASS_KERNEL, SPSI_MASS_CHORD, SPSI_MASS_SOFT_CHORD
 
 /* Mass along a vector of rays, for a run of sheets. */
 typedef struct spsi_sections {
-    float *sheet;      /* the first */
+    float *sheet;
     size_t sheet_size; /* floats per sheet */
     size_t pitch;      /* floats per row, for two rows */
-    int count;         /* sheets */
+    int count;
     int starts;        /* 1: also add the mass in front */
     int ends;          /* 1: also add the mass behind */
     spsi_v weight;
@@ -10357,7 +10338,7 @@ static inline void spsi_add_pair(const spsi_sections *s, float *sheet, spsi_v sh
     spsi_store_halves(sheet, next, spsi_fma(s->weight, share, spsi_load_halves(sheet, next)));
 }
 
-/* Two rows of a kernel may end at different planes. */
+/* spsi_add_sections for two rows, which may end at different planes. */
 static inline void spsi_add_pairs(const spsi_sections *s) {
     float *sheet = s->sheet;
     spsi_v v = s->v, after, before = s->starts ? spsi_set(0) : spsi_kernel_fraction_within(v, s->low, s->high);
@@ -10370,17 +10351,16 @@ static inline void spsi_add_pairs(const spsi_sections *s) {
     if (s->ends) spsi_add_pair(s, sheet, spsi_sub(spsi_set(1), before));
 }
 
-/* A vector of one footprint's rows. */
 typedef struct spsi_rows {
     int x0[SPSI_LANES], x1[SPSI_LANES];        /* inclusive, within the tile */
     int first[SPSI_LANES];                     /* first plane in the tile */
-    int slabs[SPSI_LANES];                     /* count in the tile; 0: none */
+    int slabs[SPSI_LANES];                     /* count in the tile */
     int area[SPSI_LANES];                      /* pixels times slabs */
     int starts[SPSI_LANES], ends[SPSI_LANES];  /* 1: the kernel's own end */
     float left[SPSI_LANES], right[SPSI_LANES]; /* x0 and x1, half a pixel outwards */
     float dy[SPSI_LANES];                      /* y from the centre */
     float factor[SPSI_LANES];                  /* weight factor of y alone */
-    float v[SPSI_LANES];                       /* v of the first plane at the kernel's own x */
+    float v[SPSI_LANES];                       /* first plane's, at the kernel's own x */
     float low[SPSI_LANES], high[SPSI_LANES];   /* v half a slab within the kernel's ends; infinite if clamped */
 } spsi_rows;
 
@@ -10429,7 +10409,7 @@ static inline spsi_v spsi_tile_limits(const spsi_tile *tile, int x, int y) {
     return spsi_hit_depths(tile->limits, tile->limit_width, tile->limit_height, x, y);
 }
 
-/* Range of v between the near plane and a polygon at `beyond`. */
+/* Range of v from the near plane to a polygon at `beyond`. */
 static inline void spsi_limits(spsi_v beyond, float sign, float eye_near, spsi_v mean, spsi_v per_depth, spsi_v *low,
                                spsi_v *high) {
     spsi_v near_v = spsi_mul(spsi_sub(spsi_set(eye_near), mean), per_depth);
@@ -10450,7 +10430,7 @@ typedef struct spsi_footprint {
 /* True if weight factors could overflow. */
 static inline int spsi_is_slender(float a, float b, float c) { return b * b > 0.8f * 4 * a * c; }
 
-/* With the inverse covariance (A B; B C), weights are exp(-A dx^2 / 2 - B dx dy0) * exp(-B dx)^row * exp(-C dy^2 / 2).
+/* The inverse covariance is (A B; B C). Weights are exp(-A dx^2 / 2 - B dx dy0) * exp(-B dx)^row * exp(-C dy^2 / 2).
    This avoids exponentials per pixel; slender ellipses need one per vector and row. */
 static inline void spsi_splat_columns(const spsi_footprint *print, const spsi_rows *rows, int count, int x, int y,
                                       int clamped) {
@@ -10511,7 +10491,7 @@ static inline void spsi_pair_sections(const spsi_rows *rows, int r, int bits, fl
                               spsi_set(rows->v[j] - per_slab * (float)(rows->first[j] - first)));
 }
 
-/* Half a vector of columns, two rows at a time, without clamping. */
+/* Narrow footprints: half a vector of columns, two rows at a time, not clamped. */
 static inline void spsi_splat_pairs(const spsi_footprint *print, const spsi_rows *rows, int count, int x, int y) {
     const spsi_tile *tile = print->tile;
     const spsi_footprints *f = print->footprints;
@@ -10584,7 +10564,7 @@ static void spsi_splat_footprint(const spsi_footprint *print) {
     }
 }
 
-/* A near kernel along x or y: centre, cut, covariance. */
+/* A near kernel along x or y. */
 typedef struct spsi_extent {
     float q, t, cut, qq, qt, tt;
 } spsi_extent;
@@ -10596,7 +10576,7 @@ static spsi_extent spsi_near_extent(const spsi_splatter *s, const float q[3], in
     return extent;
 }
 
-/* Narrows a range of pixels by the tangent planes through the eye, unless its plane cuts the ellipsoid. */
+/* Range of pixels between tangent planes through the eye, unless its plane cuts the ellipsoid. */
 static void spsi_extent_range(const spsi_extent *e, int *first, int *last) {
     const float square = e->cut * e->cut, a = e->t * e->t - square * e->tt, b = e->q * e->t - square * e->qt;
     const float root = b * b - a * (e->q * e->q - square * e->qq);
@@ -10605,7 +10585,7 @@ static void spsi_extent_range(const spsi_extent *e, int *first, int *last) {
     *last = spsi_imin(*last, (int)spsi_fmin(floorf((b + sqrtf(root > 0 ? root : 0)) / a), (float)SPSI_SIZE_MAX));
 }
 
-/* True if an ellipsoid reaches in front of the eye, and between the planes through a range's ends. */
+/* True if an ellipsoid reaches in front of the eye, and between a range's end planes. */
 static int spsi_extent_meets(const spsi_extent *e, int first, int last) {
     const float ends[2] = {(float)first - 0.5f, (float)last + 0.5f};
     for (int i = 0; i < 2; ++i) {
@@ -10672,7 +10652,7 @@ static inline void spsi_splat_near_row(const spsi_near_footprint *print, int x, 
     spsi_add_sections(&sections, SPSI_MASS_KERNEL, 1);
 }
 
-/* `side` -1: the mirror image behind the eye. */
+/* `side` -1: the mirror image. */
 static int spsi_near_meets(const spsi_tile *tile, const spsi_splatter *s, const float q[3], float side) {
     const spsi_extent x = spsi_near_extent(s, q, 0, side), y = spsi_near_extent(s, q, 1, side);
     return spsi_extent_meets(&x, tile->x0, tile->x1) && spsi_extent_meets(&y, tile->y0, tile->y1);
@@ -10722,7 +10702,6 @@ static inline void spsi_voxels_place(const spsi_splatter *s, const spsi_brick_or
     *slab = spsi_fma(at[0], spsi_set(s->slab_step[0]), spsi_fma(at[1], spsi_set(s->slab_step[1]), *slab));
 }
 
-/* Mask of footprints in the tile. */
 static inline int spsi_footprints_inside(const spsi_tile *tile, const spsi_footprints *f) {
     const spsi_v x = spsi_load(f->x), width = spsi_load(f->half_width);
     const spsi_v y = spsi_load(f->y), height = spsi_load(f->half_height);
@@ -10757,7 +10736,7 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
     const spsi_v reach = spsi_set(s->reach_slabs);
     spsi_footprints f;
     spsi_footprint print = {tile, s, &f, 0, channel};
-    memset(&f, 0, sizeof f); /* compilers miss that perspective fills it in later */
+    memset(&f, 0, sizeof f); /* compilers miss that perspective fills it later */
     if (!s->perspective) spsi_footprint_shape(s, spsi_set(0), spsi_set(0), spsi_set(1), spsi_set(1), &f);
     const float unit = f.amplitude[0];
     for (int i = 0; i < brick->count; i += SPSI_LANES) {
@@ -10812,7 +10791,7 @@ static void spsi_brick_origin_build(const spsi_lattice *lattice, const spsi_bric
 #define SPSI_DEPOSIT_MOST  0.8f       /* maximum breadth in samples */
 #define SPSI_DEPOSIT_LEAST 0.0078125f /* differences of squares would vanish below */
 
-/* Breadths of a voxel in samples along x, y and slabs. */
+/* Breadths in samples along x, y and slabs. */
 static void spsi_voxel_breadths(const spsi_splatter *s, const float q[3], float breadth[3]) {
     for (int k = 0; k < 3; ++k) {
         float square = 0;
@@ -10825,7 +10804,7 @@ static void spsi_voxel_breadths(const spsi_splatter *s, const float q[3], float 
     }
 }
 
-/* Deposits a volume if its voxels are small at all corners. Reaches one slab beyond the nearest. */
+/* Deposits if voxels are small at all corners. Reaches one slab beyond the nearest. */
 SPSI_COLD void spsi_splatter_deposits(spsi_splatter *splatter, const spsi_rays *rays, const spsi_bounds *bounds) {
     for (int corner = 0; corner < 8; ++corner) {
         double point[3], q[3];
@@ -10842,7 +10821,7 @@ SPSI_COLD void spsi_splatter_deposits(spsi_splatter *splatter, const spsi_rays *
     splatter->reach_slabs = spsi_fmax(splatter->reach_slabs, 1);
 }
 
-/* A brick being deposited; samples are relative to the tile. */
+/* Samples are relative to the tile. */
 typedef struct spsi_deposit {
     const spsi_tile *tile;
     const spsi_splatter *splatter;
@@ -10879,7 +10858,7 @@ static void spsi_deposit_begin(const spsi_tile *tile, const spsi_splatter *s, co
     spsi_voxel_breadths(s, q, deposit->breadth);
 }
 
-/* `after`: positive part of the offset from the nearest sample, averaged over the breadth. */
+/* Linear weights. `after` is the positive offset from the nearest sample, averaged over the breadth. */
 static inline void spsi_deposit_weights_along(int axis, spsi_v at, float breadth, spsi_v mass,
                                               spsi_deposit_weights *shares) {
     const spsi_v nearest = spsi_round(at), off = spsi_sub(at, nearest), zero = spsi_set(0);
@@ -10954,7 +10933,7 @@ static void spsi_deposit_brick(const spsi_deposit *deposit, const spsi_segment *
 
 /* --- particles --- */
 
-/* Constants of a sweep's particles, as in spsi_splatter. */
+/* See spsi_splatter. */
 typedef struct spsi_sphere_setup {
     const spsi_rays *rays;
     float sign;
@@ -10965,7 +10944,6 @@ typedef struct spsi_sphere_setup {
     double reach_depth;           /* maximum t per world unit */
 } spsi_sphere_setup;
 
-/* A particle in one chunk of slabs. */
 typedef struct spsi_projected_sphere {
     spsi_sphere sphere;
     float weight;         /* extinction in the middle */
@@ -11022,7 +11000,6 @@ static void spsi_projected_sphere_build(const spsi_sphere_setup *crossing, const
     projected->channel = channel;
 }
 
-/* A sphere clipped to a tile. */
 typedef struct spsi_sphere_footprint {
     const spsi_tile *tile;
     const spsi_sphere_setup *crossing;
@@ -11033,7 +11010,7 @@ typedef struct spsi_sphere_footprint {
     int ends;           /* 1: also add the mass behind */
 } spsi_sphere_footprint;
 
-/* Slab planes along a vector of chords, in half chords from the middle. */
+/* Slab planes along chords, in half chords from the middle. */
 static inline void spsi_print_planes(const spsi_sphere_footprint *print, const spsi_chord *chord, int x, int y,
                                      int clamped, spsi_sections *sections) {
     const spsi_tile *tile = print->tile;
@@ -11101,7 +11078,7 @@ static inline void spsi_splat_sphere(const spsi_sphere_footprint *print, int cla
                                  &sections);
 }
 
-/* `starts`: this chunk is the first; `left`: slabs from here to the last. */
+/* `starts`: first chunk; `left`: slabs from here to the last. */
 static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossing,
                                 const spsi_projected_sphere *projected, int starts, int left) {
     const spsi_sphere *sphere = &projected->sphere;
@@ -26160,7 +26137,7 @@ SPSI_COLD sps_result spsi_background_row(sps_context *context, const spsi_frame 
     return context->result;
 }
 
-/* Flushes denormals, which could slow down the caller. */
+/* Denormals could slow down the caller. */
 static float spsi_flush(float a) { return a < FLT_MIN ? 0 : a; }
 
 /* Starts with the background. Returns NULL on failure. */
@@ -26197,7 +26174,7 @@ static void spsi_add_pixel(const spsi_run *run, int x, int y, size_t at, float c
 
 #define SPSI_SUM_ROWS 8 /* rows per task */
 
-/* Adds some rows of the region and the sweep's part. */
+/* Some rows of the region, within the sweep's part. */
 static void spsi_sum_task(void *data, int index) {
     const spsi_run *run = (const spsi_run *)data;
     const spsi_shader *shader = &run->shader;
@@ -26230,7 +26207,7 @@ static void spsi_write_image(const spsi_frame *frame, const float *total, const 
         }
 }
 
-/* Sets the eye's depth reference: the medium's middle, where lookups need precision, or else the polygons'. */
+/* The medium's middle, where lookups need precision, or else the polygons'. */
 SPSI_COLD void spsi_eye_reference(const spsi_frame *frame) {
     spsi_bounds all = frame->content->bounds;
     double centre[3], q[3];
@@ -26265,7 +26242,7 @@ typedef struct spsi_picture {
     spsi_visible visible;
     spsi_spreads spreads;
     float *total; /* radiance, coverage, distance so far */
-    spsi_shadow *shadows; /* current sweep */
+    spsi_shadow *shadows;
     int shadow_count;
 } spsi_picture;
 
@@ -26291,7 +26268,7 @@ SPSI_COLD sps_result spsi_sweep_once(sps_context *context, const spsi_picture *p
     return SPS_OK;
 }
 
-/* Counters of workers, and `shares` results of shadow rays per place. */
+/* Counters of workers, and results of shadow rays: `shares` per place. */
 static uint64_t *spsi_visibility_reserve(sps_context *context, size_t places, int shares) {
     size_t bytes = (size_t)spsi_worker_count(context) * sizeof(uint64_t);
     spsi_bytes_add(&bytes, places, (size_t)spsi_imax(1, shares) * sizeof(float));
@@ -26335,7 +26312,6 @@ SPSI_COLD sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *
     return SPS_OK;
 }
 
-/* Shadows must be ready. */
 SPSI_COLD sps_result spsi_render_part(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
                                       spsi_run *run, const spsi_call_stage *part) {
     spsi_call_stage half = *part;
@@ -26421,8 +26397,8 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
 }
 
 /* ================================================================================================= >>plan
-   36 A scene's passes, and why each runs or not. Call counts are exact, bytes are upper bounds. Nothing is read: bounds
-   follow from blocks that range_fn keeps, and from counts of triangles and particles. */
+   36 A scene's passes, and why each runs or not. Call counts are exact, bytes are upper bounds. Bounds follow from
+   range_fn and from numbers of triangles and particles, without reading. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
     "gather",      "projectors", "eye polygons", "layers",     "textures",  "light polygons", "triangle tree",
@@ -26433,7 +26409,7 @@ static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
 typedef struct spsi_reading {
     int held; /* 1: voxels are cached by an earlier call */
     uint64_t blocks, bricks, voxels_kept;
-    uint64_t bricks_of[SPSI_VOLUMES_MAX], voxels_of[SPSI_VOLUMES_MAX]; /* by medium */
+    uint64_t bricks_of[SPSI_VOLUMES_MAX], voxels_of[SPSI_VOLUMES_MAX]; /* per medium */
 } spsi_reading;
 
 SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *frame, sps_plan_report *report,
@@ -26498,7 +26474,6 @@ SPSI_COLD sps_result spsi_plan_pyramids(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Raises a pass's bytes to the bytes counted. */
 static void spsi_plan_take(sps_context *context, sps_plan_report *report, sps_pass pass) {
     if (context->counted > report->pass[pass].bytes) report->pass[pass].bytes = context->counted;
     context->counted = 0;
@@ -26528,7 +26503,7 @@ SPSI_COLD size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep 
                                                                   : spsi_light_texels_most(frame));
 }
 
-/* Reading may change the slabs of volumes a little, of particles arbitrarily. */
+/* Reading may change volumes' slabs a little, particles' arbitrarily. */
 static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
                                      uint64_t bricks) {
     const int particles = (int)frame->particles.count;
@@ -26539,8 +26514,8 @@ static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *fra
     if (particles > 0) spsi_queue_reserve(context, SPSI_BUFFER_PARTICLE_QUEUE, particles, chunks, &contents.particles);
 }
 
-/* Counts penumbrae even if they may turn out sharp. Until contents are known, beams are twice as wide as the light's
-   sheets. That is their maximum unless shadow_resolution is set. */
+/* Counts penumbrae even if they may turn out sharp. Until contents are known, beams are twice as wide as sheets, their
+   maximum unless shadow_resolution is set. */
 SPSI_COLD sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                               sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0;
@@ -26562,7 +26537,7 @@ SPSI_COLD sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_f
     return SPS_OK;
 }
 
-/* --- the choice between sheets and tables --- */
+/* --- sheets or tables --- */
 
 /* True if slabs about the camera's axis serve a directional light for any medium. */
 SPSI_COLD int spsi_axis_serves(const spsi_frame *frame, const spsi_light *light) {
@@ -26577,7 +26552,7 @@ SPSI_COLD int spsi_axis_serves(const spsi_frame *frame, const spsi_light *light)
            spsi_cosine_to_corners(toward, &frame->content->eye) >= SPSI_COSINE_EVEN;
 }
 
-/* Chooses as rendering does, but leaves open what depends on particles. */
+/* Leaves open everything that depends on particles. */
 SPSI_COLD void spsi_plan_choices(sps_context *context, spsi_frame *frame) {
     int open = 0, sliced = 0;
     spsi_choose_shadows(context, frame);
@@ -26589,7 +26564,7 @@ SPSI_COLD void spsi_plan_choices(sps_context *context, spsi_frame *frame) {
                              ((open + sliced == 0 || light->extent.exists) && spsi_axis_serves(frame, light));
         if (!is_known || light->choice == SPSI_CHOICE_OPEN)
             light->choice = is_known ? SPSI_CHOICE_SHEETS : SPSI_CHOICE_OPEN;
-        light->has_map |= !is_known; /* in addition to sheets */
+        light->has_map |= !is_known; /* sheets, too */
         if (light->extent.exists && light->has_map) light->tables = spsi_light_tables(light);
         open += !is_known;
         sliced += is_known && light->sliced;
@@ -26600,7 +26575,6 @@ static int spsi_plan_tables(const spsi_frame *frame, const spsi_light *light) {
     return frame->lights.list == frame->lights.whole ? spsi_imax(1, light->tables) : 1;
 }
 
-/* Lights that have sheets, or may. */
 SPSI_COLD int spsi_plan_sliced_count(const spsi_frame *frame) {
     int count = 0;
     for (int i = 0; i < frame->lights.count; ++i)
@@ -26608,7 +26582,7 @@ SPSI_COLD int spsi_plan_sliced_count(const spsi_frame *frame) {
     return count;
 }
 
-/* Maximum. Without sheets, the image's parts in the region; particles may need all four if the camera is wide. */
+/* Without sheets, the image's parts in the region. Particles may need all four if the camera is wide. */
 SPSI_COLD int spsi_plan_sweep_count(const spsi_frame *frame) {
     const int sliced = spsi_plan_sliced_count(frame);
     int parts = 0, part[4], sheets = 0;
@@ -26631,7 +26605,6 @@ SPSI_COLD int spsi_plan_shadow_count(const spsi_frame *frame, int n) {
 
 /* --- sweeps --- */
 
-/* Reasons by verdict. */
 static const char *const spsi_filling_reasons[] = {"splatted: view.filling asks for it",
                                                    "splatted: voxels are smaller than pixels, and no level fits",
                                                    "splatted: voxels are near the eye or the light, or behind it",
@@ -26660,7 +26633,7 @@ SPSI_COLD void spsi_plan_filling(const spsi_frame *frame, const spsi_rays *rays,
     *gathered = spsi_imax(*gathered, count);
 }
 
-/* Aims at samples for cells, or for the first spread light. Returns 0 if there is neither, or on failure. */
+/* Samples for cells, or for the first spread light. Returns 0 if there is neither, or on failure. */
 SPSI_COLD int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_rays *rays, spsi_slabs *slabs) {
     spsi_cell_grid grid;
     spsi_spread spread;
@@ -26796,7 +26769,7 @@ SPSI_COLD void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int 
 
 SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                                 sps_plan_report *report) {
-    const int gases = frame->medium_count > 0 || frame->particles.set_count > 0; /* potentially visible */
+    const int gases = frame->medium_count > 0 || frame->particles.set_count > 0;
     const int polygons = frame->meshes.triangle_count > 0, sweeps = report->sweep_count, lit = frame->lights.count > 0;
     const int held = context->tree_held && spsi_faces_held(context, frame);
     const int again = frame->view.scattering != SPS_SCATTERING_AMBIENT;
@@ -29327,7 +29300,7 @@ static sps_result spsi_refuse(sps_context *context) {
                      "a callback called into its own context, or threw or jumped out of an earlier call (destroy it)");
 }
 
-/* Begins a call: clears the error, and all statistics but the bytes held. Returns an error if no call is possible. */
+/* Clears the error, and all statistics but bytes. Returns an error if no call is possible. */
 SPSI_COLD sps_result spsi_begin(sps_context *context) {
     sps_stats_report fresh;
     if (!context) return SPS_ERROR_ARGUMENT;
@@ -29406,7 +29379,7 @@ static int spsi_rows_fit(const spsi_frame *frame, size_t row_pixels) {
     return row_pixels >= width && row_pixels <= (size_t)PTRDIFF_MAX / (4 * sizeof(float)) / height;
 }
 
-/* Begins sps_render and sps_reference. Returns the checked frame, or NULL on failure. */
+/* Returns the checked frame, or NULL on failure. */
 SPSI_COLD spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene, const sps_view *view,
                                        const sps_image *image) {
     if (spsi_require(context, scene, "scene") || spsi_require(context, view, "view") ||
@@ -29480,7 +29453,7 @@ static float spsi_half(uint16_t half) {
     return value;
 }
 
-/* Converts voxels `step` bytes apart. Packed bytes have a loop that compilers vectorise. */
+/* Packed bytes have a loop that compilers vectorise. */
 static void spsi_voxel_row(const sps_grid *grid, const char *from, ptrdiff_t step, int count, float *out) {
     const float scale = fabsf(grid->scale) > 0 ? grid->scale : 1, offset = grid->offset;
     const unsigned char *bytes = (const unsigned char *)from;
@@ -29499,7 +29472,7 @@ static void spsi_voxel_row(const sps_grid *grid, const char *from, ptrdiff_t ste
     for (int i = 0; i < count; ++i) out[i] = out[i] * scale + offset;
 }
 
-/* Returns the result of sps_grid_read and sps_grid_range for a block. */
+/* Returns the result of sps_grid_read and sps_grid_range. */
 static int spsi_grid_check(const sps_grid *grid, const int lo[3], const int size[3]) {
     if (!grid || !grid->voxels || grid->start_canary || grid->end_canary) return 1;
     if ((int)grid->format < SPS_VOXEL_U8 || grid->format > SPS_VOXEL_F32) return 1;
@@ -29627,7 +29600,7 @@ SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *l
     return spsi_end(context);
 }
 
-/* Refuses occluders once a map is finished, or has failed to finish. */
+/* Fails if a map is finished, or has failed to. */
 SPSI_COLD sps_result spsi_require_unfinished(const sps_tmap *map) {
     const char *rest = map->failed ? "has failed to finish; destroy it" : "is finished already";
     if (!map->failed && !map->finished) return SPS_OK;

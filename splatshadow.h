@@ -8378,9 +8378,9 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
 
 #define SPSI_PARTICLE_EDGE 0.7 /* radii, >>slicing */
 #define SPSI_GROUP_MOST    8   /* slabs shaded at once */
-#define SPSI_GROUP_SLAB    2   /* thicker slabs are not grouped, to stay cheap */
+#define SPSI_GROUP_SLAB    2   /* sps_view.slab_thickness above which slabs stay ungrouped, and cheap */
 #define SPSI_FINE_PIXELS   1.7 /* times texel_pixels: smallest texel of dense particles */
-#define SPSI_FINE_SLABS    40  /* most refined slabs in the medium's diagonal, at slab_thickness 1 */
+#define SPSI_FINE_SLABS    40  /* maximum number of refined slabs, at slab_thickness 1 */
 #define SPSI_TEXELS_ALIKE  "cannot tell its texels apart so far from the world's origin"
 
 /* Unit direction of a light's rays at a point. */
@@ -8447,7 +8447,7 @@ static int spsi_rays_fit(const spsi_light *light, const spsi_bounds *bounds, dou
     return spsi_rays_complete(rays);
 }
 
-/* Unless shadow_resolution is set. */
+/* Maximum for sheets, unless shadow_resolution is set. */
 SPSI_COLD int spsi_light_texels_most(const spsi_frame *frame) {
     return frame->medium_count > 0 ? 4096 : frame->accuracy.depth_map_texels;
 }
@@ -8490,7 +8490,7 @@ SPSI_COLD int spsi_has_shadow_table(const spsi_light *light) {
 #define SPSI_SHADOW_TABLE_TEXELS_MOST 256 /* on a side, by default */
 
 SPSI_COLD int spsi_map_texels_most(const spsi_frame *frame, const spsi_light *light) {
-    const double share = cbrt((double)spsi_imax(1, light->tables)); /* all tables of a light use the memory of one */
+    const double share = cbrt((double)spsi_imax(1, light->tables)); /* one table's memory is split among all */
     return spsi_has_shadow_table(light) ? (int)(SPSI_SHADOW_TABLE_TEXELS_MOST / share) : spsi_light_texels_most(frame);
 }
 
@@ -8565,7 +8565,7 @@ SPSI_COLD double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_light *sh
     return eye->perspective ? breadth * spsi_dmax(nearest, spsi_dmax(eye->near_depth, 0)) : breadth;
 }
 
-/* Smallest useful texel: half of the medium's, since polygon edges are unfiltered; 0: quality decides. */
+/* Half of the medium's texel, since polygon edges are unfiltered; 0: quality decides. */
 SPSI_COLD double spsi_depth_map_texel(const spsi_frame *frame) {
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
     return 0.5 * frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, NULL);
@@ -8918,8 +8918,8 @@ typedef struct spsi_planes_job {
 typedef struct spsi_map_plane {
     const spsi_faces *faces;
     const spsi_rays *rays;
-    int number;       /* its face; -1: none */
-    double a, b;      /* n.a and n.b */
+    int number;  /* its face; -1: none */
+    double a, b; /* n.a and n.b */
     double normal[3];
     double texel;
 } spsi_map_plane;
@@ -9630,7 +9630,7 @@ SPSI_COLD void spsi_linear_of_slabs(const spsi_rays *rays, const spsi_slabs *sla
 
 typedef struct spsi_sweep {
     const spsi_light *light; /* light whose sheets it carries; NULL: none */
-    int first;             /* 1: also carries coverage, ambient light, emission, and lights without sheets */
+    int first;               /* 1: also carries coverage, ambient light, emission, and lights without sheets */
     int back_to_front;
     double cosine_of_light, cosine_of_eye; /* minimum over rays, with s */
     int part[4];                           /* first column and row in the image, and their ends */
@@ -10072,11 +10072,11 @@ SPSI_COLD void spsi_image_divide(const spsi_frame *frame) {
 
 /* A kernel near a perspective eye, in standard deviations of t: keeps fourth powers in range. */
 typedef struct spsi_near_case {
-    float unit;          /* standard deviation of t */
+    float unit; /* standard deviation of t */
     float covariance[6];
     float inverse[6];
-    float root;          /* root of its determinant */
-    float weight;        /* integral for value 1, without per-pixel factors */
+    float root;   /* root of the covariance's determinant */
+    float weight; /* integral for value 1, without per-pixel factors */
 } spsi_near_case;
 
 typedef struct spsi_splatter {
@@ -10093,11 +10093,11 @@ typedef struct spsi_splatter {
     float reach_slabs;            /* kernel radius in slabs */
     float near_depth;             /* t below which near_case applies */
     spsi_near_case near_case;
-    float eye_near;               /* t - depth_reference where rays begin */
+    float eye_near; /* t - depth_reference where rays begin */
     float depth_reference;
-    int whole;                    /* 1: sections are not cut, and rays continue behind the eye */
+    int whole; /* 1: sections are not cut, and rays continue behind the eye */
     int deposits;
-    float mass;                   /* integral over x, y and t for value 1, times t^2 in perspective */
+    float mass; /* integral over x, y and t for value 1, times t^2 in perspective */
 } spsi_splatter;
 
 typedef struct spsi_brick_origin {
@@ -10108,9 +10108,9 @@ typedef struct spsi_brick_origin {
 
 /* Distances along a ray are v = t / (SPSI_CUT * standard deviation). */
 typedef struct spsi_footprints {
-    float x[SPSI_LANES];           /* centre in pixels */
+    float x[SPSI_LANES]; /* centre in pixels */
     float y[SPSI_LANES];
-    float depth[SPSI_LANES];       /* t - depth_reference */
+    float depth[SPSI_LANES]; /* t - depth_reference */
     float slab[SPSI_LANES];
     float amplitude[SPSI_LANES];   /* line integral through the centre */
     float across[SPSI_LANES];      /* 1 / variance of x at given y */
@@ -10120,11 +10120,11 @@ typedef struct spsi_footprints {
     float row_width[SPSI_LANES];   /* standard deviation of x at given y */
     float half_height[SPSI_LANES]; /* half the bounding box, in pixels */
     float half_width[SPSI_LANES];
-    float alone[SPSI_LANES];       /* 1: its own pixels add up to its mass; 0: only with its neighbours' */
-    float per_slab[SPSI_LANES];    /* v per plane */
-    float slope_x[SPSI_LANES];     /* a plane's v per pixel */
+    float alone[SPSI_LANES];    /* 1: its own pixels add up to its mass; 0: only with its neighbours' */
+    float per_slab[SPSI_LANES]; /* v per plane */
+    float slope_x[SPSI_LANES];  /* a plane's v per pixel */
     float slope_y[SPSI_LANES];
-    float mean_x[SPSI_LANES];      /* kernel's mean t per pixel */
+    float mean_x[SPSI_LANES]; /* kernel's mean t per pixel */
     float mean_y[SPSI_LANES];
     float per_depth[SPSI_LANES];   /* v per t */
     float spread[SPSI_LANES];      /* range per standard deviation, widened by slope_x */
@@ -10132,7 +10132,7 @@ typedef struct spsi_footprints {
 } spsi_footprints;
 
 typedef struct spsi_tile {
-    float *sheets;          /* by channel, slab and row */
+    float *sheets;          /* order: channel, slab, row */
     size_t sheet_size;      /* floats per slab */
     size_t channel_size;    /* floats per channel */
     int x0, y0, x1, y1;     /* inclusive */
@@ -10143,14 +10143,14 @@ typedef struct spsi_tile {
     const spsi_hit *limits; /* polygons of the image; NULL: none */
     int limit_width;
     int limit_height;
-    uint64_t open;          /* patches not yet opaque; skips other footprints */
-    const float *depth;     /* optical depth so far; NULL: unknown */
-    size_t depth_pitch;     /* floats per row */
-    float end;              /* optical depth of early termination */
-    float eye_slab;         /* the eye's slab coordinate */
-    uint64_t visits;        /* footprints */
-    uint64_t fragments;     /* their pixels times slabs */
-    uint64_t samples;       /* of pyramids */
+    uint64_t open;      /* patches not yet opaque; skips other footprints */
+    const float *depth; /* optical depth so far; NULL: unknown */
+    size_t depth_pitch; /* floats per row */
+    float end;          /* optical depth of early termination */
+    float eye_slab;     /* the eye's slab coordinate */
+    uint64_t visits;    /* footprints */
+    uint64_t fragments; /* footprints' pixels times slabs */
+    uint64_t samples;   /* pyramid samples */
 } spsi_tile;
 
 static inline int spsi_patch_at(int at) { return spsi_imin(spsi_imax(at, 0), SPSI_TILE_WIDTH - 1) / SPSI_PATCH; }
@@ -10296,12 +10296,12 @@ typedef struct spsi_sections {
     size_t sheet_size; /* floats per sheet */
     size_t pitch;      /* floats per row, for two rows */
     int count;
-    int starts;        /* 1: also add the mass in front */
-    int ends;          /* 1: also add the mass behind */
+    int starts; /* 1: also add the mass in front */
+    int ends;   /* 1: also add the mass behind */
     spsi_v weight;
-    spsi_v v;          /* first plane in the profile's -1..1 */
-    spsi_v per_plane;  /* v per plane */
-    spsi_v low, high;  /* where clamped rays begin and end */
+    spsi_v v;         /* first plane in the profile's -1..1 */
+    spsi_v per_plane; /* v per plane */
+    spsi_v low, high; /* where clamped rays begin and end */
 } spsi_sections;
 
 static inline spsi_v spsi_mass_fraction(spsi_mass mass, spsi_v v) {
@@ -10599,7 +10599,7 @@ static int spsi_extent_meets(const spsi_extent *e, int first, int last) {
 typedef struct spsi_near_footprint {
     spsi_tile *tile;
     const spsi_splatter *splatter;
-    float q[3];      /* centre (x t, y t, t) in near_case units */
+    float q[3]; /* centre (x t, y t, t) in near_case units */
     float value;
     int x1;          /* last column */
     int first, last; /* planes */
@@ -26454,7 +26454,7 @@ SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *f
 SPSI_COLD sps_result spsi_plan_pyramids(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     if (!spsi_pyramids_wanted(frame)) return SPS_OK;
     if (reading->held) return spsi_pyramids_place(context, frame);
-    context->fields_held = 0; /* estimates replace them */
+    context->fields_held = 0; /* replaced by estimates */
     spsi_pyramid *fields = (spsi_pyramid *)spsi_reserve(context, SPSI_BUFFER_PYRAMIDS, 1, sizeof *fields);
     if (!fields) return context->result;
     frame->content->fields = fields;
@@ -26564,7 +26564,7 @@ SPSI_COLD void spsi_plan_choices(sps_context *context, spsi_frame *frame) {
                              ((open + sliced == 0 || light->extent.exists) && spsi_axis_serves(frame, light));
         if (!is_known || light->choice == SPSI_CHOICE_OPEN)
             light->choice = is_known ? SPSI_CHOICE_SHEETS : SPSI_CHOICE_OPEN;
-        light->has_map |= !is_known; /* sheets, too */
+        light->has_map |= !is_known; /* besides sheets */
         if (light->extent.exists && light->has_map) light->tables = spsi_light_tables(light);
         open += !is_known;
         sliced += is_known && light->sliced;
@@ -26653,7 +26653,7 @@ SPSI_COLD sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_fram
     const size_t side = spsi_plan_light_side(frame, sweep), particles = frame->particles.count;
     const spsi_rays *eye = &frame->content->eye;
     const spsi_shape shape = spsi_shape_of(frame, 1); /* lights have no more channels */
-    spsi_rays square; /* the light's maximum */
+    spsi_rays square;                                 /* the light's maximum */
     spsi_lists lists;
     square.width = square.height = (int)side;
     run->shader.frame = frame;
@@ -26848,7 +26848,7 @@ static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *fram
         shares += spsi_plan_tables(frame, light) * spsi_visibility_floats(frame, light, light->extent.exists) - 1;
         lights += (size_t)spsi_plan_tables(frame, light) - 1;
     }
-    if (spsi_scatters_fully(frame)) lights = (size_t)spsi_imax((int)lights, frame->lights.shadow_count); /* cells */
+    if (spsi_scatters_fully(frame)) lights = (size_t)spsi_imax((int)lights, frame->lights.shadow_count); /* of cells */
     if (frame->lights.shadow_count == 0) return;
     if (frame->matter.scatters)
         spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, lights,

@@ -10088,7 +10088,7 @@ typedef struct spsi_splatter {
     float covariance[6];          /* kernel in ray space: 00 01 02 11 12 22 */
     float weight;                 /* integral for value 1, without per-footprint factors */
     float cut;                    /* radius in standard deviations */
-    float filter;                 /* minimum in square pixels */
+    float filter;                 /* minimum variance in square pixels */
     float reach_depth;            /* kernel radius in t */
     float reach_slabs;            /* kernel radius in slabs */
     float near_depth;             /* t below which near_case applies */
@@ -10155,7 +10155,7 @@ typedef struct spsi_tile {
 
 static inline int spsi_patch_at(int at) { return spsi_imin(spsi_imax(at, 0), SPSI_TILE_WIDTH - 1) / SPSI_PATCH; }
 
-/* Mask of patches that meet a box. */
+/* Mask of patches that meet a box, relative to the tile. */
 static inline uint64_t spsi_patch_box(int x0, int y0, int x1, int y1) {
     const int c0 = spsi_patch_at(x0), c1 = spsi_patch_at(x1), r0 = spsi_patch_at(y0), r1 = spsi_patch_at(y1);
     const uint64_t columns = (UINT64_C(0xff) << c0) & (UINT64_C(0xff) >> (7 - c1));

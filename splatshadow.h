@@ -3869,336 +3869,327 @@ SPSI_COLD int spsi_components_of(const sps_tmap_settings *settings) {
 }
 
 /* ================================================================================================ >>scene
-   9  The frame: a scene and a view, checked, with every default filled in. Later sections read the frame and not the
-   caller's structs, so that none has to interpret a zero in them. Only a light's number of texels stays open (0) until
-   the gas that it has to fit has been read. */
+   9  The frame: a checked copy of scene and view with every default resolved, so that no later section interprets a
+   zero. Only a light's map size may stay open (0) until the medium that it covers has been read. */
 
-/* A grid of voxels in the world. Each medium has one, that of its volume. */
+/* Voxel grid in world space. */
 typedef struct spsi_lattice {
     int medium;
-    double corner[3];  /* world position of the box's corner at voxel (0,0,0) */
-    double step[3][3]; /* world vectors of one voxel's edges */
+    double corner[3];  /* world position of voxel (0,0,0)'s corner */
+    double step[3][3]; /* world vectors of a voxel's edges */
     double voxel_volume;
 } spsi_lattice;
 
-/* A volume that holds voxels. */
+/* A non-empty volume. */
 typedef struct spsi_medium {
-    sps_volume given;      /* also concurrent where the library's own functions read it */
-    int index;             /* in the scene's array, for error sentences */
-    spsi_lattice *lattice; /* its volume's grid */
-    int channel;           /* channel of the eye's sheets, and index of its material */
-    int light_channel;     /* channel of a light's sheets: gases share number 0 */
+    sps_volume given;      /* concurrent is also set for the library's own callbacks */
+    int index;             /* index in the scene */
+    spsi_lattice *lattice;
+    int channel;           /* channel in eye sheets; material index */
+    int light_channel;     /* channel in light sheets; 0: unclassified media */
 } spsi_medium;
 
-/* A set of particles that is not empty. */
+/* A non-empty particle set. */
 typedef struct spsi_particle_set {
     sps_particles given;
-    int index;   /* in the scene's array, for error sentences */
-    int channel; /* channel of the eye's sheets, and index of its material; in a light's sheets it is number 0 */
-    int soft;    /* 1: density falls to nothing at the rim, 0: it is uniform */
+    int index;   /* index in the scene */
+    int channel; /* channel in eye sheets; material index; light sheets use 0 */
+    int soft;    /* 1: density falls to 0 at the rim, 0: uniform */
 } spsi_particle_set;
 
-/* A mesh that has triangles. */
 typedef struct spsi_mesh {
-    sps_mesh given; /* with the identity in place of all-zero axes */
-    int index;      /* in the scene's array, for error sentences */
+    sps_mesh given; /* all-zero axes replaced by the identity */
+    int index;      /* index in the scene */
 } spsi_mesh;
 
-/* The extent of a light. Places in it are (x, y), within the unit disc or within the square from -1 to 1. */
+/* Shape of an area light, with coordinates (x, y) in the unit disc or the square -1..1. */
 typedef struct spsi_light_extent {
     int exists;
-    int is_disc;       /* 1: the unit disc, 0: the square */
-    double radius;     /* maximum distance from the centre: world units, or radians of a directional light */
-    double axis[2][3]; /* from the centre to (1, 0) and (0, 1); directional: unit vectors across its direction */
+    int is_disc;       /* 1: disc, 0: rectangle */
+    double radius;     /* maximum distance from the centre: world units; radians if directional */
+    double axis[2][3]; /* centre to (1, 0) and (0, 1); directional: perpendicular unit vectors */
 } spsi_light_extent;
 
-/* The cone of a spotlight. At an angle whose 1 - cos is v, its light is the square of (none - v) / rim, clamped to
-   0..1: cosines themselves could not tell narrow cones apart. */
+/* Cone of a spotlight: intensity is clamp((none - v) / rim, 0, 1)^2 with v = 1 - cos of the angle. Plain cosines cannot
+   resolve narrow cones. */
 typedef struct spsi_cone {
     int exists;
-    double none, rim; /* 1 - cos of the outer angle, and how much more that is than of the inner one */
+    double none, rim; /* 1 - cos of the outer angle; difference to the inner one */
 } spsi_cone;
 
-/* The image that a light throws. The texel of a point at `offset` from the light is
+/* Projected texture (cookie). The texel for a point at `offset` from the light is
        (across . offset) / (forward . offset) + add,   directional: across . offset + add */
 typedef struct spsi_projection {
     int exists;
     sps_projector given;
     double across[2][3], add[2], forward[3];
-    double edge[2]; /* of a texel at distance 1, or in the world */
+    double edge[2]; /* texel edge at distance 1; directional: in world units */
     double focus;   /* 1 / distance of the plane in focus; 0: infinity */
-    int image;      /* in the content's list */
+    int image;      /* index in content.images */
 } spsi_projection;
 
-/* Why a light shades gas by sheets or by a map. */
+/* How a light shadows media, and why. */
 typedef enum spsi_choice {
-    SPSI_CHOICE_CALLER, /* the caller has set it */
-    SPSI_CHOICE_OPEN,   /* not chosen yet, >>shadows; sheets so far */
+    SPSI_CHOICE_CALLER, /* set by the caller */
+    SPSI_CHOICE_OPEN,   /* undecided, sheets for now, >>shadows */
     SPSI_CHOICE_SHEETS,
-    SPSI_CHOICE_TABLE_IN_GAS, /* a table: the light is in the gas or too close to it for slabs */
-    SPSI_CHOICE_TABLE_CAMERA, /* a table: no slabs serve both this light and the camera's rays */
-    SPSI_CHOICE_TABLES,       /* likewise, and the points of an area light share several */
-    SPSI_CHOICE_TABLE_SHARED, /* a table: another light's sweep can carry it */
-    SPSI_CHOICE_TABLE_AGAIN   /* a table: it serves the light in the cells, too */
+    SPSI_CHOICE_TABLE_IN_GAS, /* table: light in the medium or too close for slabs */
+    SPSI_CHOICE_TABLE_CAMERA, /* table: no slabs suit this light and the camera */
+    SPSI_CHOICE_TABLES,       /* several tables for the points of an area light */
+    SPSI_CHOICE_TABLE_SHARED, /* table: spares a sweep */
+    SPSI_CHOICE_TABLE_AGAIN   /* table: >>cells needs it anyway */
 } spsi_choice;
 
-/* A light that is not black. */
 typedef struct spsi_light {
-    int index;           /* in the scene's array, for error sentences */
-    int is_point;        /* 1: a light with a position, 0: a directional light */
-    double position[3];  /* its centre */
-    double direction[3]; /* direction in which a directional light travels, or a cone's axis; of unit length */
-    double across[2][3]; /* unit vectors across that, of a light with a cone or an image: its frame is these three */
+    int index;           /* index in the scene */
+    int is_point;        /* 0: directional */
+    double position[3];  /* centre */
+    double direction[3]; /* unit direction of travel, or cone axis */
+    double across[2][3]; /* unit vectors perpendicular to it */
     spsi_cone cone;
     spsi_projection projection;
-    float color[3]; /* intensity of a point light, irradiance of a directional one or of one that does not fall off */
-    int falls_off;  /* 1: irradiance falls with the square of the distance */
+    float color[3]; /* intensity; irradiance if directional or without falloff */
+    int falls_off;  /* 1: inverse-square falloff */
     spsi_light_extent extent;
-    const struct spsi_light *points; /* that stand for an extended light; of another light, itself */
+    const struct spsi_light *points; /* sample points; itself if not an area light */
     int point_count;
-    const struct spsi_light *few; /* fewer points, from which gas takes its irradiance; at least one */
+    const struct spsi_light *few; /* fewer points for irradiance in media; at least one */
     int few_count;
-    int samples;                   /* as the caller set it */
-    int shadows;                   /* 1: it casts shadows */
-    int sliced;                    /* 1: it shades gas by sheets, and so needs slabs that suit it */
-    int has_map;                   /* 1: it shades gas by a transmittance map */
-    spsi_choice choice;            /* who chose between the two, and why */
-    int tables;                    /* number of tables that its points share, if it has tables; otherwise 0 or 1 */
-    int map_size;                  /* texels on the map's longer side; 0: fitted to the gas */
-    const spsi_bounds *map_bounds; /* of the gas that it serves, while other gas shades that, too; NULL: all */
-    int map_omnidirectional;       /* 1: the map has six faces wherever the light is */
-    sps_tmap_settings map;         /* the map's settings, with the technique resolved */
+    int samples;                   /* set by the caller */
+    int shadows;                   /* 1: casts shadows */
+    int sliced;                    /* 1: shadows media by sheets, needs suitable slabs */
+    int has_map;                   /* 1: shadows media by a transmittance map */
+    spsi_choice choice;            /* reason for sheets or map */
+    int tables;                    /* tables for its points; 0 or 1: not split */
+    int map_size;                  /* texels on the longer side; 0: fitted to the medium */
+    const spsi_bounds *map_bounds; /* region that the map serves; NULL: all media */
+    int map_omnidirectional;       /* 1: always six faces */
+    sps_tmap_settings map;         /* technique resolved */
 } spsi_light;
 
-/* Parameters set by quality. */
+/* Set by the quality level. */
 typedef struct spsi_accuracy {
-    double threshold;     /* transmittance at which an eye ray ends */
+    double threshold;     /* transmittance that ends an eye ray */
     double shadow_texels; /* shadow texels per voxel */
-    double texel_pixels;  /* least size of shadow texels in pixels; 0 if the caller sets their number */
-    double slab_pixels;   /* least thickness of slabs in pixels; 0 if the caller sets it */
-    int depth_map_texels; /* minimum on a side of a depth map */
-    double cut;           /* radius of kernels in standard deviations */
-    double light_cut;     /* the same for classified volumes in a light's sheets; maps use `cut` */
-    int light_points;     /* points that stand for an extended light */
-    double flight_angle;  /* radians under which a receiver sees a node of emitters, at most, >>flights */
+    double texel_pixels;  /* minimum shadow texel in pixels; 0: caller sets resolution */
+    double slab_pixels;   /* minimum slab thickness in pixels; 0: caller sets it */
+    int depth_map_texels; /* minimum side of depth maps */
+    double cut;           /* kernel radius in standard deviations */
+    double light_cut;     /* cut of classified volumes in light sheets */
+    int light_points;     /* sample points per area light */
+    double flight_angle;  /* maximum angle of an emitter node, radians, >>flights */
 } spsi_accuracy;
 
-/* The sets of particles that are not empty. */
 typedef struct spsi_particle_sets {
     int set_count;
     spsi_particle_set sets[SPSI_SETS_MAX];
-    size_t count; /* of particles in all sets, known before any is read */
-    int has_soft; /* 1: some set is soft */
+    size_t count; /* all sets, before reading */
+    int has_soft;
 } spsi_particle_sets;
 
-/* The meshes that have triangles. */
 typedef struct spsi_meshes {
     spsi_mesh *list;
     int count;
-    size_t triangle_count; /* of all meshes, known before any is read */
-    size_t textured_count; /* of those that have a shade_fn */
-    int translucent;       /* 1: some let light pass */
+    size_t triangle_count; /* all meshes, before reading */
+    size_t textured_count; /* triangles with a shade_fn */
+    int translucent;       /* 1: some are translucent */
 } spsi_meshes;
 
-/* The appearance of volumes and particles. */
 typedef struct spsi_matter {
     int material_count;
     spsi_material materials[SPSI_MATERIALS_MAX];
-    int light_channel_count; /* channels of a light's sheets: one for all gases, one for each classified volume */
-    int scatters;            /* 1: some material scatters */
-    int emits;               /* 1: some material emits */
-    int orders;              /* maximum of all materials' spsi_phase_orders; 0: there are none */
-    int extinguishes;        /* 1: some material has extinction */
+    int light_channel_count; /* one for unclassified media, one per classified volume */
+    int scatters;
+    int emits;
+    int orders;              /* maximum spsi_phase_orders; 0: none */
+    int extinguishes;
     int classifies;          /* 1: some volume has a transfer function */
 } spsi_matter;
 
 typedef struct spsi_lights {
-    spsi_light *list; /* `whole`, or what follows it: those whose points share tables as several lights, >>shadows */
+    spsi_light *list; /* `whole`, or its copy with area lights split by table, >>shadows */
     int count;
-    spsi_light *whole; /* as the scene has them */
+    spsi_light *whole; /* the scene's */
     int whole_count;
-    spsi_light *split_points; /* room for all points of area lights */
-    int shadow_count; /* number of lamps that cast shadows */
-    int sliced_count; /* number of lamps that shade gas by sheets: each needs a sweep of its own */
-    int image_count;  /* number of lamps that throw an image */
+    spsi_light *split_points; /* room for points of all area lights */
+    int shadow_count;
+    int sliced_count; /* lights with sheets: one sweep each */
+    int image_count;  /* lights with a cookie */
 } spsi_lights;
 
-#define SPSI_IMAGE_LEVELS 25 /* of an image of 4096 texels on a side, if one side is halved before the other */
+#define SPSI_IMAGE_LEVELS 25 /* 4096 x 4096 texels, halved one axis at a time */
 
-/* An image and its halves, down to a texel. Each level is three planes, of red, green and blue, within a border of one
-   black texel. */
+/* Mip levels of an image. Each has a red, green and blue plane with a border of one black texel. */
 typedef struct spsi_image {
     int level_count;
-    int width[SPSI_IMAGE_LEVELS], height[SPSI_IMAGE_LEVELS]; /* with the border */
-    float edge[SPSI_IMAGE_LEVELS];                           /* of the texels, the shorter one; 1 at level 0 */
+    int width[SPSI_IMAGE_LEVELS], height[SPSI_IMAGE_LEVELS]; /* with border */
+    float edge[SPSI_IMAGE_LEVELS];                           /* shorter texel edge; 1 at level 0 */
     float *texels[SPSI_IMAGE_LEVELS];
-    float *row; /* the row of level 0 that is being read */
+    float *row; /* row of level 0 being read */
 } spsi_image;
 
-#define SPSI_CELL_SETS 6 /* pairs of a light and a material, at most, whose single scattering is kept apart */
+#define SPSI_CELL_SETS 6 /* maximum pairs of light and material with separate single scattering */
 
-/* A light whose single scattering patches send by phase functions, >>cells. */
+/* A light whose single scattering patches send by phase function, >>cells. */
 typedef struct spsi_cell_light {
-    int index, places;    /* in the scene; how many places on a way through the grid have its directions */
-    float weight;         /* the fraction that patches send so; cells send the rest */
-    double at[3], brings; /* where it is: suns are far off; about what it sends to the gas */
+    int index, places;    /* index in the scene; points per segment for its direction */
+    float weight;         /* fraction sent by patches; cells send the rest */
+    double at[3], brings; /* position (distant if directional); rough irradiance on media */
 } spsi_cell_light;
 
-/* The grid in which light is followed from cell to cell, >>cells. Arrays have an entry per cell, x first, rows padded
-   to whole vectors and to two rows. */
+/* Grid of the discrete-ordinates solver, >>cells. Arrays have an entry per cell, x fastest; rows are padded to whole
+   vectors, two at least. */
 typedef struct spsi_cell_grid {
-    int size[3], pitch;                 /* cells along x, y, z; entries per row */
+    int size[3], pitch;                 /* cells; entries per row */
     size_t count;                       /* entries per array */
-    double corner[3], edge;             /* of the cells, in the world */
-    int orders, terms, channels;        /* of moments, and of color */
-    float lobes[SPSI_MATERIALS_MAX][4]; /* per material: its moments of degree 0 to 3, less its peak */
-    float peak[SPSI_MATERIALS_MAX];     /* share of what is scattered that goes straight on */
-    float swept[SPSI_MATERIALS_MAX];    /* share of what glows that does not fly, >>flights */
-    int light_count, peak_count;         /* those whose single scattering patches send by phase functions */
+    double corner[3], edge;             /* world position; cell edge */
+    int orders, terms, channels;        /* harmonic orders and moments; color channels */
+    float lobes[SPSI_MATERIALS_MAX][4]; /* per material: phase moments 0 to 3, minus peak */
+    float peak[SPSI_MATERIALS_MAX];     /* fraction scattered straight ahead */
+    float swept[SPSI_MATERIALS_MAX];    /* fraction of emission without first flights */
+    int light_count, peak_count;
     spsi_cell_light lights[SPSI_CELL_SETS];
-    spsi_material peaks[SPSI_CELL_SETS]; /* materials with a peak: all of them, if there are lights */
-    int peak_of[SPSI_CELL_SETS];         /* their numbers */
-    float *depth;                       /* optical depth along an edge */
-    float *moments;                     /* per channel and term: what the light in a cell is, without ambient light */
-    float *flown;   /* the same of first flights, which are in no other moments; NULL: there are none, >>flights */
-    float *trapped; /* beside `flown`: per channel, glowing gas's own light in it, then what that replaces of it */
-    float *seen;    /* per material and channel: radiance towards the eye per optical depth scattered */
-    int flux_terms; /* where there are polygons: of degree 0 to 2; 0: there are none */
-    float *flux;    /* per channel and term: moments of what cells send, by which they light polygons */
-    int across;     /* parts of the grid's sides, >>cells, along an edge */
-    float *patches; /* these: place, area and, per channel, what leaves each */
-    float *thick;   /* per channel: optical depth along an edge, on the mean of all cells */
-    float *scale;   /* per channel: of extinction, on the mean of all gas */
-    float *pyramid; /* levels of depth, each half as fine; then of each material's; >>flights; NULL: nothing flies */
-    size_t pyramid_rows; /* rows of each pyramid */
+    spsi_material peaks[SPSI_CELL_SETS]; /* materials with a peak; all of them if light_count > 0 */
+    int peak_of[SPSI_CELL_SETS];         /* their indices */
+    float *depth;                       /* optical depth per cell edge */
+    float *moments;                     /* per channel and term: moments of radiance, without ambient light */
+    float *flown;   /* per channel and term: moments of first flights alone; NULL: none, >>flights */
+    float *trapped; /* per channel: trapped emission, then the first flights it replaces */
+    float *seen;    /* per material and channel: radiance per scattering depth */
+    int flux_terms; /* moments up to degree 2; 0: no polygons */
+    float *flux;    /* per channel and term: light sent to polygons */
+    int across;     /* patches along a side of the grid */
+    float *patches; /* per patch: position, area, exitance per channel */
+    float *thick;   /* per channel: mean optical depth per edge */
+    float *scale;   /* per channel: mean scale of extinction without peak */
+    float *pyramid; /* mip levels of depth, total and per material, >>flights; NULL: none */
+    size_t pyramid_rows; /* rows of each */
 } spsi_cell_grid;
 
-/* A small source of light, >>flights: an even ball. In a direction d it sends 1 - |axis| + 4 max(0, axis . d) of the
-   mean over all directions: gas has no axis, a polygon its normal. */
+/* A small emitter: a uniform sphere, >>flights. It sends 1 - |axis| + 4 max(0, axis . d) of its mean in direction d.
+   axis: 0 in a medium, the normal on a polygon. */
 typedef struct spsi_emitter {
     float at[3], radius; /* relative to the tree's centre */
-    float cut;           /* the radius, if polygons may be within it; otherwise 0 */
-    float solid;         /* 1: on polygons, whose inside may hold the middle of several; 0: amid gas */
-    float sent[3];       /* mean radiance times area that leaves it, by channel */
+    float cut;           /* radius if polygons may cut it, or 0 */
+    float solid;         /* 1: on polygons, whose mean position may be inside a solid */
+    float sent[3];       /* mean radiance times area, per channel */
     float axis[3];
-    float leaves[3]; /* fraction of what it sends that `sent` is: the rest is taken by its own gas */
-    float clear;      /* up to here, cells hold gas of its own, which is not in its way */
-    float own;        /* the pyramid that holds that gas */
-    float thick;      /* its optical depth along a radius, if it hides itself by that; or 0 */
-    float ahead;      /* how much later ways through gas begin: light leaves at the near side, or gas ends there */
-    float gas;        /* optical depth times area of its own gas, if `sent` has what that scatters; or 0 */
-    float trapped[3]; /* if gas > 0, the mean of its own light within it */
+    float leaves[3]; /* fraction that escaped its own medium, included in `sent` */
+    float clear;      /* up to here, its own medium does not attenuate it */
+    float own;        /* pyramid with its own medium */
+    float thick;      /* optical depth per radius if it attenuates itself, or 0 */
+    float ahead;      /* segments through media start this much later */
+    float gas;        /* optical depth times area if `sent` includes scattering, or 0 */
+    float trapped[3]; /* mean of its light inside; only if gas > 0 */
 } spsi_emitter;
 
-#define SPSI_FLIGHT_SEGMENTS 18 /* directions: toward the faces and edges of a cube */
+#define SPSI_FLIGHT_SEGMENTS 18 /* directions: faces and edges of a cube */
 
-/* Emitters, or two nodes: children first and first + 1 if count is 0. */
+/* count 0: children are first and first + 1. */
 typedef struct spsi_flight_node {
     spsi_emitter sum;
-    float reach; /* radius of a ball about the emitters */
-    float breadth; /* diameter of the sum, up to four times as much where it is dense or bent: its sides differ */
+    float reach; /* radius of the bounding sphere */
+    float breadth; /* diameter, up to 4 times larger if dense or bent */
     float leaves[3]
-                [SPSI_FLIGHT_SEGMENTS]; /* fraction of what is sent that leaves that ball, by channel and direction */
+                [SPSI_FLIGHT_SEGMENTS]; /* fraction that escapes that sphere */
     int first, count;
 } spsi_flight_node;
 
-/* Trees of emitters: what glows; dense particles, and what gas scatters of narrow beams; what polygons reflect of
-   these; and what some cells send more than others. */
+/* Emission; dense particles and scattering of narrow beams; their reflection by polygons; cells brighter than
+   others. */
 enum { SPSI_FLIGHTS_EMISSION, SPSI_FLIGHTS_BEAMS, SPSI_FLIGHTS_SPOTS, SPSI_FLIGHTS_CELLS, SPSI_FLIGHT_TREES };
 
 typedef struct spsi_flights {
-    double centre[3]; /* the same for all trees */
+    double centre[3]; /* common to all trees */
     spsi_emitter *emitters;
     spsi_flight_node *nodes;
-    int *order, count; /* order: of emitters, leaf after leaf */
+    int *order, count; /* order: emitters, leaf after leaf */
     spsi_bounds bounds;
     const spsi_cell_grid *grids;
     int grid_count;
-    float to_cells, to_polygons; /* fractions of what the emitters send: the rest is swept from cell to cell */
+    float to_cells, to_polygons; /* fraction delivered directly; sweeps carry the rest */
 } spsi_flights;
 
-#define SPSI_SAMPLER_STEPS   1024 /* places between two voxels for which there are weights, >>sampler */
-#define SPSI_PYRAMID_REACHES 3    /* about what is shown, in which samples are taken */
-#define SPSI_LEVELS        12   /* coarser levels of a volume: voxels of each are twice as large */
+#define SPSI_SAMPLER_STEPS   1024 /* tabulated positions between two voxels, >>sampler */
+#define SPSI_PYRAMID_REACHES 3    /* distances from visible voxels that get samples */
+#define SPSI_LEVELS        12   /* coarser levels, each with twice the voxel edge */
 
-/* Values of a volume, by which its sheets are filled pixel by pixel, >>sampler. */
+/* A level of a volume, >>sampler. */
 typedef struct spsi_pyramid_level {
-    int low[3], size[3];  /* its bricks: the first, and their number along each axis */
-    int first, end;       /* the volume's bricks of relevant voxels */
-    double voxels;        /* number of those voxels */
-    float most;           /* maximum of their values; 0: unknown */
-    double volume;        /* of what is within their reach, in voxels; an upper bound */
-    int *grid;            /* per brick: which one holds it; -1: no voxel is within reach. NULL: there is no field */
-    int *sources;         /* per brick: that of relevant voxels; -1: none */
-    int *places;          /* per brick held: where it is in the grid */
-    int count;            /* of bricks held */
-    float *values;        /* of the first brick held */
-    uint64_t *shown;      /* per brick held: which of its own voxels are, a bit each, layer by layer of 8 x 8 */
+    int low[3], size[3];  /* counted in bricks */
+    int first, end;       /* range of its source bricks */
+    double voxels;        /* number of relevant voxels */
+    float most;           /* their maximum; 0: unknown */
+    double volume;        /* upper bound of the volume in reach, in voxels */
+    int *grid;            /* per brick: index of its values; -1: none in reach. NULL: no pyramid */
+    int *sources;         /* per brick: source brick; -1: none */
+    int *places;          /* per stored brick: position in the grid */
+    int count;            /* stored bricks */
+    float *values;        /* voxels of stored bricks */
+    uint64_t *shown;      /* per stored brick: mask of visible voxels, 8 x 8 per layer */
     uint32_t (
-        *cells[SPSI_PYRAMID_REACHES])[2]; /* per brick: a bit for each of its cells of 2^3 voxels; by their reach */
-    float *bends; /* bounds of third differences, >>sampler: per eighth of a brick, the maximum of 2^3 from each on */
+        *cells[SPSI_PYRAMID_REACHES])[2]; /* per brick: mask of cells of 2^3 voxels to sample */
+    float *bends; /* bounds of third differences: per eighth of a brick, maximum of 2^3 */
 } spsi_pyramid_level;
 
-/* Those of all volumes. */
 typedef struct spsi_pyramid {
-    int taps;                                /* along each axis: 4 or 6 */
-    int filled;                              /* 1: bricks have their values */
-    float weights[SPSI_SAMPLER_STEPS + 1][8];  /* by place; those beyond `taps` are 0 */
-    float changes[SPSI_SAMPLER_STEPS + 1][8];  /* of the weights, per voxel */
-    spsi_pyramid_level list[SPSI_VOLUMES_MAX]; /* by medium */
-    int leveled;                             /* number of coarser levels that have theirs */
-    int bent;                                /* 1: how much they bend is known */
+    int taps;                                /* 4 or 6 per axis */
+    int filled;
+    float weights[SPSI_SAMPLER_STEPS + 1][8];  /* weights by position; 0 beyond `taps` */
+    float changes[SPSI_SAMPLER_STEPS + 1][8];  /* their derivatives per voxel */
+    spsi_pyramid_level list[SPSI_VOLUMES_MAX]; /* finest levels, per medium */
+    int leveled;                             /* coarser levels filled */
+    int bent;                                /* 1: `bends` is filled */
     spsi_pyramid_level levels[SPSI_VOLUMES_MAX][SPSI_LEVELS];
 } spsi_pyramid;
 
-/* Results of reading a frame's data. Before that, bounds are those of the volumes' boxes. */
+/* Results of reading. Before that, bounds are the volumes' boxes. */
 typedef struct spsi_content {
-    spsi_bounds bounds;            /* of gas */
-    double beyond[3];              /* length that levels, >>sampler, add to these on each side */
-    spsi_bounds outer;             /* of the volumes' boxes and the particles, by which shadows are chosen, >>shadows */
-    int parts[2], cut[2];          /* columns and rows, 1 or 2, that the image is cut into, and where, >>slicing */
-    spsi_bounds mesh_bounds;       /* of polygons */
-    const sps_particle *particles; /* of all sets, except for empty ones, >>gather */
-    int particle_count;            /* length of `particles`; 0 until they are read */
-    int set_ends[SPSI_SETS_MAX];   /* the end of each set in `particles`; the next one begins there */
-    float flies[SPSI_MATERIALS_MAX]; /* per material: fraction of its glow that always flies, >>flights */
-    double particle_radius;        /* geometric mean of the radii */
-    double particle_spread;        /* root mean square distance of the particles from their mean */
-    double particle_extinction;    /* mean of their gas, in a particle or where they overlap, whichever is larger */
-    const spsi_image *images;      /* that lights throw, >>projectors */
-    spsi_pyramid *fields;          /* of the volumes; NULL: they are splatted, >>sampler */
-    float levels[SPSI_VOLUMES_MAX]; /* by medium: level of all targets, with a fraction of the next; -1: splatted */
-    const spsi_cell_grid *cells;   /* grids of them; NULL: light is not followed from cell to cell */
+    spsi_bounds bounds;            /* media */
+    double beyond[3];              /* padding of `bounds` for coarser levels, >>sampler */
+    spsi_bounds outer;             /* boxes of volumes and particles, >>shadows */
+    int parts[2], cut[2];          /* columns and rows (1 or 2) of image parts; split pixel */
+    spsi_bounds mesh_bounds;       /* polygons */
+    const sps_particle *particles; /* all non-empty ones, >>gather */
+    int particle_count;            /* 0 until read */
+    int set_ends[SPSI_SETS_MAX];   /* ends of the sets in `particles` */
+    float flies[SPSI_MATERIALS_MAX]; /* per material: fraction with first flights, >>flights */
+    double particle_radius;        /* geometric mean */
+    double particle_spread;        /* RMS distance from their mean */
+    double particle_extinction;    /* mean, single or overlapping, whichever is larger */
+    const spsi_image *images;      /* cookies, >>projectors */
+    spsi_pyramid *fields;          /* NULL: all are splatted, >>sampler */
+    float levels[SPSI_VOLUMES_MAX]; /* per medium: level plus weight of the next; -1: splatted */
+    const spsi_cell_grid *cells;   /* NULL: no multiple scattering by cells */
     int cell_grid_count;
-    const spsi_flights *flights; /* light of what glows; NULL: nothing does, or cells carry it */
-    spsi_rays eye; /* the frame's, with depths relative to the middle of the content */
+    const spsi_flights *flights; /* NULL: none */
+    spsi_rays eye; /* depths relative to the middle of the content */
 } spsi_content;
 
-/* The checked and resolved scene, complete before anything is read, and never written again except when lights' shadows
-   are chosen, >>shadows. */
+/* The checked and resolved scene. Only >>shadows changes its lights later. */
 typedef struct spsi_frame {
     spsi_content *content;
-    sps_scene given; /* its arrays are read while the frame is built */
-    sps_view view;     /* all fields resolved, including the region; a shadow_resolution of 0: fitted to the gas */
-    sps_object viewer; /* the struct that errors about the view name: a view, or a map's light */
-    int has_matrix;    /* 1: its camera was given as a matrix, which only `eye` has now */
+    sps_scene given; /* arrays valid while building */
+    sps_view view;     /* resolved; shadow_resolution 0: fitted to the medium */
+    sps_object viewer; /* object named in errors about the view */
+    int has_matrix;    /* 1: camera was a matrix, kept in `eye` only */
     spsi_accuracy accuracy;
     spsi_rays eye;
     int medium_count;
     spsi_medium media[SPSI_VOLUMES_MAX];
-    spsi_lattice lattices[SPSI_VOLUMES_MAX]; /* one per medium */
+    spsi_lattice lattices[SPSI_VOLUMES_MAX];
     spsi_particle_sets particles;
     spsi_matter matter;
     spsi_meshes meshes;
     spsi_lights lights;
-    int has_ambient;   /* 1: there is light from everywhere */
-    int has_gradients; /* 1: some volume is shaded as a surface; its field has the gradients */
-    int channels;    /* channels of radiance: 1 if every color is grey, otherwise 3 */
-    int wants_depth; /* 1: the image has depths */
+    int has_ambient;   /* 1: ambient light */
+    int has_gradients; /* 1: some volume is shaded as a surface */
+    int channels;    /* 1: all colors are grey; otherwise 3 */
+    int wants_depth;
 } spsi_frame;
 
-#define SPSI_BEHIND       3  /* slabs splatted behind the eye: profiles of the first visible slab need 2 */
-#define SPSI_NEAR_REACHES 16 /* kernel radii; nearer to the eye, a kernel is integrated along each pixel's own ray */
+#define SPSI_BEHIND       3  /* slabs splatted behind the eye; profiles need 2 */
+#define SPSI_NEAR_REACHES 16 /* kernel radii; nearer kernels are integrated per pixel ray */
 
 static const spsi_bounds spsi_nowhere = {{DBL_MAX, DBL_MAX, DBL_MAX}, {-DBL_MAX, -DBL_MAX, -DBL_MAX}};
 
@@ -4230,22 +4221,22 @@ SPSI_COLD double spsi_bounds_longest(const spsi_bounds *bounds) {
     return longest;
 }
 
-/* The world position of fractional voxel coordinates; (0.5, 0.5, 0.5) is the first voxel's centre. */
+/* World position of voxel coordinates; the first voxel's centre is (0.5, 0.5, 0.5). */
 static void spsi_voxel_position(const spsi_lattice *lattice, const double at[3], double point[3]) {
     spsi_along(lattice->corner, lattice->step[0], at[0], point);
     spsi_along(point, lattice->step[1], at[1], point);
     spsi_along(point, lattice->step[2], at[2], point);
 }
 
-/* The extent of a voxel's kernel along a unit direction, sqrt(s' V V' s): the edge length for cubes. */
+/* Kernel width along a unit direction, sqrt(s' V V' s); a cube's edge length. */
 SPSI_COLD double spsi_voxel_extent(const spsi_lattice *lattice, const double s[3]) {
     double sum = 0;
     for (int i = 0; i < 3; ++i) sum += spsi_dot(lattice->step[i], s) * spsi_dot(lattice->step[i], s);
     return sqrt(sum);
 }
 
-/* The minimum extent of a voxel's kernel along any direction in the plane of two perpendicular unit vectors: the root
-   of the smaller eigenvalue of (x, y)' V V' (x, y). */
+/* Minimum kernel width in the plane of two perpendicular unit vectors: root of the smaller eigenvalue of (x, y)' V V'
+   (x, y). */
 SPSI_COLD double spsi_voxel_breadth(const spsi_lattice *lattice, const double x[3], const double y[3]) {
     double xx = 0, xy = 0, yy = 0;
     for (int i = 0; i < 3; ++i) {
@@ -4254,11 +4245,11 @@ SPSI_COLD double spsi_voxel_breadth(const spsi_lattice *lattice, const double x[
         xy += along_x * along_y;
         yy += along_y * along_y;
     }
-    /* the product of both divided by the greater: their difference would lose a needle's breadth to round-off */
+    /* product over larger eigenvalue: subtracting would lose a needle's width */
     return sqrt(spsi_dmax(xx * yy - xy * xy, 0) / (0.5 * (xx + yy) + sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)));
 }
 
-/* Copies a placement, with the identity in place of all-zero axes. */
+/* Copies a placement; all-zero axes become the identity. */
 SPSI_COLD void spsi_placement_resolve(const sps_placement *from, sps_placement *to) {
     const double *axes = &from->axis[0][0];
     int zero = 1;
@@ -4267,14 +4258,14 @@ SPSI_COLD void spsi_placement_resolve(const sps_placement *from, sps_placement *
     for (int i = 0; i < 3 && zero; ++i) to->axis[i][i] = 1;
 }
 
-/* A number of an object, its bounds, and the rule that they follow. If no number will do, `high` is below `low`. */
+/* A field, its bounds and the rule for errors. No value is valid if high < low. */
 typedef struct spsi_bounded {
     const char *field;
     double value, low, high;
     const char *rule;
 } spsi_bounded;
 
-/* What is checked: an object, or what a prefix leads to from it: "", "grid.". */
+/* The object being checked; prefix of its fields, "" or "grid.". */
 typedef struct spsi_subject {
     sps_context *context;
     sps_object object;
@@ -4282,7 +4273,7 @@ typedef struct spsi_subject {
     const char *prefix;
 } spsi_subject;
 
-/* As spsi_fail_field, for a member. */
+/* spsi_fail_field with the prefix. */
 static sps_result spsi_fail_member(const spsi_subject *at, sps_result result, const char *field, double value,
                                    const char *rule) {
     char member[64];
@@ -4290,17 +4281,16 @@ static sps_result spsi_fail_member(const spsi_subject *at, sps_result result, co
     return spsi_fail_field(at->context, result, at->object, at->index, member, value, rule);
 }
 
-/* Fails with a member that breaks a rule. */
 static sps_result spsi_wrong(const spsi_subject *at, const char *field, double value, const char *rule) {
     return spsi_fail_member(at, SPS_ERROR_ARGUMENT, field, value, rule);
 }
 
-/* As spsi_fail_that, for an object that breaks a rule. */
+/* spsi_fail_that with SPS_ERROR_ARGUMENT. */
 static sps_result spsi_wrong_that(const spsi_subject *at, const char *field, double value, const char *rest) {
     return spsi_fail_that(at->context, SPS_ERROR_ARGUMENT, at->object, at->index, field, value, rest);
 }
 
-/* Fails with the first of some members that is beyond its bounds, or NaN. */
+/* Fails with the first field out of bounds or NaN. */
 static sps_result spsi_check_bounded(const spsi_subject *at, const spsi_bounded *list, size_t count) {
     for (size_t i = 0; i < count; ++i)
         if (!(list[i].value >= list[i].low && list[i].value <= list[i].high))
@@ -4308,13 +4298,12 @@ static sps_result spsi_check_bounded(const spsi_subject *at, const spsi_bounded 
     return SPS_OK;
 }
 
-/* Fails if a vector of an object is not usable as coordinates. */
 SPSI_COLD sps_result spsi_check_vector(const spsi_subject *at, const char *field, const double v[3]) {
     const double *bad = spsi_bad_coordinate(v, 3);
     return bad ? spsi_wrong(at, field, *bad, "it must be within 1e15") : SPS_OK;
 }
 
-/* Fails at the first number of a list that is not usable as a coordinate, which is named. */
+/* Names the first invalid element. */
 static sps_result spsi_check_list(const spsi_subject *at, const char *list, const double *v, int count) {
     const double *bad = spsi_bad_coordinate(v, count);
     char field[32];
@@ -4323,12 +4312,12 @@ static sps_result spsi_check_list(const spsi_subject *at, const char *list, cons
     return spsi_wrong(at, field, *bad, "it must be within 1e15");
 }
 
-/* Fails if a component of a color is not within 0..most, which is 1 or SPSI_VALUE_MAX. */
+/* most: 1 or SPSI_VALUE_MAX. */
 static sps_result spsi_check_color(const spsi_subject *at, const char *field, const float color[3], float most) {
     return spsi_check_rgb(at->context, SPS_ERROR_ARGUMENT, at->object, at->index, field, color, most);
 }
 
-/* Checks that a resolved placement is finite, and not flat. */
+/* Checks that a placement is finite and not flat. */
 SPSI_COLD sps_result spsi_check_placement(const spsi_subject *at, const sps_placement *placement) {
     const double determinant = spsi_determinant(placement->axis[0], placement->axis[1], placement->axis[2]);
     double room = 1e-14;
@@ -4337,7 +4326,7 @@ SPSI_COLD sps_result spsi_check_placement(const spsi_subject *at, const sps_plac
         spsi_check_list(at, "placement.axis[1]", placement->axis[1], 3) ||
         spsi_check_list(at, "placement.axis[2]", placement->axis[2], 3))
         return at->context->result;
-    for (int i = 0; i < 3; ++i) room *= spsi_length(placement->axis[i]); /* the round-off of a flat one */
+    for (int i = 0; i < 3; ++i) room *= spsi_length(placement->axis[i]); /* round-off of a flat one */
     if (!(fabs(determinant) > room) || !(fabs(determinant) <= DBL_MAX))
         return spsi_wrong(at, "placement's determinant", determinant, "its axes must not lie in a plane");
     return SPS_OK;
@@ -4347,7 +4336,6 @@ SPSI_COLD int spsi_volume_present(const sps_volume *volume) {
     return volume->size[0] > 0 && volume->size[1] > 0 && volume->size[2] > 0;
 }
 
-/* Fails if a struct was not zeroed. */
 SPSI_COLD sps_result spsi_check_canaries(const spsi_subject *at, uint32_t start, uint32_t end) {
     if (!start && !end) return SPS_OK;
     return spsi_wrong(at, start ? "start_canary" : "end_canary", (double)(start ? start : end), SPSI_NOT_ZEROED);
@@ -4372,7 +4360,7 @@ SPSI_COLD sps_result spsi_check_gas_colors(const spsi_subject *at, const float a
     return spsi_check_color(at, "emission", emission, SPSI_VALUE_MAX);
 }
 
-/* Checks the array behind a volume that is read by sps_grid_read, whose own errors have no names. */
+/* Checks an sps_grid: sps_grid_read cannot name fields. */
 SPSI_COLD sps_result spsi_check_array(const spsi_subject *at, const sps_volume *volume) {
     const spsi_subject part = {at->context, at->object, at->index, "grid."};
     const sps_grid *grid = (const sps_grid *)volume->user;
@@ -4419,7 +4407,7 @@ SPSI_COLD sps_result spsi_check_volume(sps_context *context, const sps_volume *v
     return volume->transfer ? SPS_OK : spsi_check_gas_colors(&at, volume->albedo, volume->emission);
 }
 
-/* Checks the arrays behind a mesh that is read by sps_indexed_mesh_read, whose own errors have no names. */
+/* Checks an sps_indexed_mesh: its read function cannot name fields. */
 SPSI_COLD sps_result spsi_check_indexed(const spsi_subject *at, const sps_mesh *mesh) {
     const spsi_subject part = {at->context, at->object, at->index, "arrays."};
     const sps_indexed_mesh *arrays = (const sps_indexed_mesh *)mesh->user;
@@ -4463,14 +4451,14 @@ SPSI_COLD sps_result spsi_check_set(sps_context *context, const sps_particles *s
     return spsi_check_gas_colors(&at, set->albedo, set->emission);
 }
 
-/* The settings of a light's shadow_map, or, if `light` is below 0, of a map by itself. */
+/* Settings of a light's shadow_map; of a standalone map if light < 0. */
 static spsi_subject spsi_settings_of(sps_context *context, int light) {
     const spsi_subject at = {context, light < 0 ? SPS_OBJECT_TMAP_SETTINGS : SPS_OBJECT_LIGHT, light,
                              light < 0 ? "" : "shadow_map."};
     return at;
 }
 
-/* Checks the number of components, including the range, unless it is left to the technique. */
+/* Checks the number of components, range included; 0: the technique decides. */
 SPSI_COLD sps_result spsi_check_components(const spsi_subject *at, const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     const int least = spsi_components_least(settings), n = settings->components;
@@ -4487,7 +4475,6 @@ SPSI_COLD sps_result spsi_check_components(const spsi_subject *at, const sps_tma
     return spsi_wrong(at, "components", n, rule);
 }
 
-/* Checks the planes of an opacity map. */
 SPSI_COLD sps_result spsi_check_planes(const spsi_subject *at, const sps_tmap_settings *settings) {
     const float *planes = settings->planes;
     const int count = spsi_settings_planes(settings);
@@ -4503,7 +4490,7 @@ SPSI_COLD sps_result spsi_check_planes(const spsi_subject *at, const sps_tmap_se
     return SPS_OK;
 }
 
-/* Checks all settings of a map except for its depth range. */
+/* Checks all but the depth range. */
 SPSI_COLD sps_result spsi_check_settings(const spsi_subject *at, const sps_tmap_settings *settings) {
     const spsi_bounded numbers[] = {
         {"technique", (double)(int)settings->technique, 0, SPS_TMAP_DEPTH, "it must be an sps_tmap_technique"},
@@ -4522,8 +4509,8 @@ SPSI_COLD sps_result spsi_check_settings(const spsi_subject *at, const sps_tmap_
     return spsi_check_planes(at, &resolved);
 }
 
-/* Checks the map by which a light shades gas: neither sheets nor a table can be meant beside a map of another kind. Its
-   depth range is that of the gas, and surfaces have a depth map of their own. */
+/* Checks a light's shadow_map: its source must match, its depth range is fitted to the medium, and surfaces use depth
+   maps of their own. */
 SPSI_COLD sps_result spsi_check_shadow_map(const spsi_subject *at, const sps_light *light) {
     const sps_tmap_settings *settings = light->shadow_map;
     const spsi_subject part = spsi_settings_of(at->context, at->index);
@@ -4542,7 +4529,7 @@ SPSI_COLD sps_result spsi_check_shadow_map(const spsi_subject *at, const sps_lig
     return spsi_check_bounded(&part, own, sizeof own / sizeof *own);
 }
 
-/* Whether a light has an extent. */
+/* True if this is an area light. */
 SPSI_COLD int spsi_light_extended(const sps_light *light) {
     if (light->kind == SPS_LIGHT_DIRECTIONAL) return light->angular_diameter > 0;
     if (light->kind == SPS_LIGHT_POINT) return 0;
@@ -4613,7 +4600,7 @@ SPSI_COLD sps_result spsi_check_light(sps_context *context, const sps_light *lig
         return context->result;
     memcpy(direction, light->direction, sizeof direction);
     if ((directional || light->outer_cone > 0 || light->projector) && !spsi_normalise(direction)) {
-        int k = 0; /* the component that is not finite, or the last: all are 0 then */
+        int k = 0; /* the one that is not finite, or the last of three zeros */
         while (k < 2 && fabs(direction[k]) <= DBL_MAX) ++k;
         return spsi_wrong(&at, "direction", direction[k], "it must be finite and have a length");
     }
@@ -4649,7 +4636,7 @@ SPSI_COLD sps_result spsi_check_scene(sps_context *context, const sps_scene *sce
     return SPS_OK;
 }
 
-/* Checks that a camera has exactly one kind of projection. */
+/* Exactly one projection must be set. */
 SPSI_COLD sps_result spsi_check_projection(const spsi_subject *at, const sps_camera *camera) {
     static const char *const names[3] = {"field_of_view", "ortho_height", "world_to_clip"};
     const int set[3] = {!(fabs(camera->field_of_view) <= 0), !(fabs(camera->ortho_height) <= 0),
@@ -4663,7 +4650,6 @@ SPSI_COLD sps_result spsi_check_projection(const spsi_subject *at, const sps_cam
     return spsi_wrong_that(at, "camera", 0, rest);
 }
 
-/* Checks the camera of a view, or of a map's light. */
 SPSI_COLD sps_result spsi_check_camera(const spsi_subject *at, const sps_camera *camera) {
     const spsi_bounded heights[] = {
         {"field_of_view", camera->field_of_view, 0, 3.1, "it must be above 0, up to 3.1 radians"},
@@ -4677,7 +4663,7 @@ SPSI_COLD sps_result spsi_check_camera(const spsi_subject *at, const sps_camera 
     return spsi_check_bounded(&part, heights, sizeof heights / sizeof *heights);
 }
 
-/* Checks the fields common to a view and a map's light, apart from their cameras. */
+/* Checks the fields common to a view and a map's light. */
 SPSI_COLD sps_result spsi_check_sampling(const spsi_subject *at, const int size[2], sps_quality quality, double slab) {
     const spsi_bounded numbers[] = {
         {"width", (double)size[0], 1, SPSI_SIZE_MAX, "it must be 1..16384"},
@@ -4687,14 +4673,14 @@ SPSI_COLD sps_result spsi_check_sampling(const spsi_subject *at, const int size[
     return spsi_check_bounded(at, numbers, sizeof numbers / sizeof *numbers);
 }
 
-#define SPSI_COVERAGE_MAX 8 /* along a side of a pixel: samples are bits of 64 */
+#define SPSI_COVERAGE_MAX 8 /* per side of a pixel; masks have 64 bits */
 
-#define SPSI_CELL_SIDE_MOST 256 /* cells along the longest side of a grid */
-#define SPSI_CELL_GRIDS     4   /* grids of cells, at most, >>lighting */
+#define SPSI_CELL_SIDE_MOST 256 /* along the longest side of a grid */
+#define SPSI_CELL_GRIDS     4   /* maximum number of grids, >>lighting */
 
 SPSI_COLD int spsi_has_region(const int r[4]) { return r[0] || r[1] || r[2] || r[3]; }
 
-/* Whether time or error decide a view's settings. */
+/* True if a budget chooses the settings. */
 SPSI_COLD int spsi_has_budget(const sps_view *view) { return view->budget_seconds > 0 || view->budget_error > 0; }
 
 SPSI_COLD sps_result spsi_check_budget(const spsi_subject *at, const sps_view *view) {
@@ -4763,7 +4749,7 @@ SPSI_COLD void spsi_resolve_quality(spsi_frame *frame) {
     if (!(frame->view.scattering_tolerance > 0)) frame->view.scattering_tolerance = 0.01f;
 }
 
-/* The rays of a checked camera; their width and height are already set. */
+/* Expects width and height to be set. */
 SPSI_COLD sps_result spsi_rays_build(sps_context *context, sps_object object, const sps_camera *camera,
                                      spsi_rays *rays) {
     const spsi_subject at = {context, object, -1, "camera."};
@@ -4796,7 +4782,7 @@ SPSI_COLD sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) 
     eye->height = view->height;
     if (spsi_rays_build(context, SPS_OBJECT_VIEW, &view->camera, eye)) return context->result;
     frame->has_matrix = view->camera.world_to_clip != NULL;
-    view->camera.world_to_clip = NULL; /* the caller's */
+    view->camera.world_to_clip = NULL; /* it belongs to the caller */
     eye->near_depth =
         frame->has_matrix && !eye->perspective && !(view->near_distance > 0) ? -HUGE_VAL : view->near_distance;
     spsi_resolve_quality(frame);
@@ -4824,13 +4810,13 @@ SPSI_COLD void spsi_material_lobes(const sps_lobe *lobes, int count, spsi_materi
     }
 }
 
-/* Sets what a gas receives besides the scene's ambient light, where that stands for light that scatters again. */
+/* Adds the medium's own ambient light if that stands for multiple scattering. */
 SPSI_COLD void spsi_material_ambient(const spsi_frame *frame, const float ambient[3], spsi_material *material) {
     if (material->scatters && frame->view.scattering == SPS_SCATTERING_AMBIENT)
         memcpy(material->ambient, ambient, sizeof material->ambient);
 }
 
-/* The channel of a material: that of an equal gas, or a new one. What glows has its own. */
+/* Returns the channel of an equal material, or a new one. Emissive and classified ones have their own. */
 SPSI_COLD int spsi_take_material(spsi_frame *frame, const spsi_material *material) {
     spsi_matter *matter = &frame->matter;
     int channel = material->emits || material->table ? matter->material_count : 0;
@@ -4893,7 +4879,7 @@ SPSI_COLD void spsi_medium_build(const sps_volume *volume, int index, spsi_latti
         medium->given.concurrent = 1;
 }
 
-/* Grows bounds to hold a volume, with a margin in voxels. */
+/* Grows bounds by a volume; margin in voxels. */
 static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bounds *bounds) {
     for (int corner = 0; corner < 8; ++corner) {
         double at[3], point[3];
@@ -4918,7 +4904,7 @@ SPSI_COLD sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *fram
         if (spsi_medium_place(context, volume, medium)) return context->result;
         frame->medium_count += 1;
         classified += volume->transfer != NULL;
-        frame->matter.light_channel_count |= !volume->transfer; /* number 0 is for gases, if there are any */
+        frame->matter.light_channel_count |= !volume->transfer; /* channel 0: unclassified media */
     }
     spsi_table *table = (spsi_table *)spsi_reserve(context, SPSI_BUFFER_TABLES, (size_t)classified, sizeof(spsi_table));
     if (!table) return context->result;
@@ -4931,7 +4917,7 @@ SPSI_COLD sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *fram
     return SPS_OK;
 }
 
-/* Sets of particles are gases whose value is extinction. */
+/* Particle sets are media whose value is extinction. */
 SPSI_COLD sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     for (int i = 0; i < scene->particle_set_count; ++i) {
         const sps_particles *particles = &scene->particles[i];
@@ -4941,7 +4927,7 @@ SPSI_COLD sps_result spsi_resolve_particles(sps_context *context, spsi_frame *fr
         if (frame->particles.set_count == SPSI_SETS_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particle_set_count",
                                    scene->particle_set_count, "at most 64 sets may hold particles");
-        /* both are at most SPSI_PARTICLES_MAX, so that the sum fits a size_t of 32 bits */
+        /* both are at most SPSI_PARTICLES_MAX: fits a 32-bit size_t */
         frame->particles.count += particles->count;
         if (frame->particles.count > SPSI_PARTICLES_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_PARTICLES, i, "count, with those before it,",
@@ -4961,7 +4947,6 @@ SPSI_COLD sps_result spsi_resolve_particles(sps_context *context, spsi_frame *fr
     return SPS_OK;
 }
 
-/* Lists the meshes that have triangles. */
 SPSI_COLD sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     spsi_meshes *meshes = &frame->meshes;
     size_t count = 0;
@@ -4974,7 +4959,7 @@ SPSI_COLD sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame
         spsi_placement_resolve(&scene->meshes[i].placement, &mesh.given.placement);
         if (spsi_check_placement(&at, &mesh.given.placement)) return context->result;
         if (mesh.given.triangle_count == 0) continue;
-        /* both are at most SPSI_FACES_MAX, so that the sum fits a size_t of 32 bits */
+        /* both are at most SPSI_FACES_MAX: fits a 32-bit size_t */
         meshes->triangle_count += mesh.given.triangle_count;
         meshes->textured_count += mesh.given.shade_fn ? mesh.given.triangle_count : 0;
         for (int c = 0; c < 3; ++c) {
@@ -4989,7 +4974,7 @@ SPSI_COLD sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame
     return SPS_OK;
 }
 
-/* The longer half axis of an ellipse with two conjugate half axes: the larger singular value of the matrix (u v). */
+/* Longer half axis of an ellipse with conjugate half axes u, v: larger singular value of (u v). */
 SPSI_COLD double spsi_ellipse_radius(const double u[3], const double v[3]) {
     const double a = spsi_dot(u, u), b = spsi_dot(v, v), c = spsi_dot(u, v);
     return sqrt(0.5 * (a + b + sqrt((a - b) * (a - b) + 4 * c * c)));
@@ -5018,15 +5003,15 @@ SPSI_COLD void spsi_projection_build(const sps_light *light, const double direct
     memcpy(projection->forward, direction, sizeof projection->forward);
     spsi_axes_across(direction, projector->up, projection->across[0], projection->across[1]);
     for (int i = 0; i < 3; ++i) projection->across[0][i] *= across, projection->across[1][i] *= down;
-    projection->add[0] = -projector->left * across - 0.5; /* texel centres have whole coordinates */
+    projection->add[0] = -projector->left * across - 0.5; /* texel centres are integers */
     projection->add[1] = projector->top * down - 0.5;
     projection->edge[0] = 1 / across;
     projection->edge[1] = 1 / down;
     projection->focus = projector->focus > 0 ? 1 / projector->focus : 0;
 }
 
-/* Moves a projection from a light's centre to one of its points, so that both throw the image to the same place on the
-   plane in focus: that of distance 1 / focus, or for a directional light that of its position. */
+/* Moves a projection from the light's centre to one of its points, so that the cookie stays put on the plane in focus.
+   A directional light's plane contains its position. */
 static void spsi_projection_move(const spsi_light *centre, spsi_light *point) {
     spsi_projection *projection = &point->projection;
     const double *forward = projection->forward;
@@ -5043,8 +5028,8 @@ static void spsi_projection_move(const spsi_light *centre, spsi_light *point) {
     }
 }
 
-/* The light without extent at place (x, y) of an extended one. Places on a directional light's disc are spread evenly
-   over its solid angle: 1 - cos grows with the square of the distance from its middle. */
+/* Point light at (x, y) of an area light. A directional light's disc is uniform in solid angle: 1 - cos grows with the
+   squared radius. */
 static void spsi_light_place(const spsi_light *light, double x, double y, spsi_light *point) {
     const spsi_light_extent *extent = &light->extent;
     *point = *light;
@@ -5066,9 +5051,8 @@ static void spsi_light_place(const spsi_light *light, double x, double y, spsi_l
     if (light->projection.exists) spsi_projection_move(light, point);
 }
 
-/* Places `count` points evenly over an extended light: a disc's on a spiral of equal areas and golden angles [Vogel
-   1979], a rectangle's on a lattice of one point per column whose rows advance by the golden ratio. They are moved so
-   that their mean is the centre, which a few points would miss. */
+/* Spreads points evenly over an area light: Vogel's spiral for a disc [Vogel 1979], a golden-ratio lattice for a
+   rectangle. They are shifted so that their mean is the centre. */
 SPSI_COLD void spsi_extent_points(const spsi_light *light, int count, spsi_light *points) {
     double places[SPSI_POINTS_MAX][2], mean[2] = {0, 0};
     for (int i = 0; i < count; ++i) {
@@ -5092,7 +5076,7 @@ SPSI_COLD void spsi_light_build(const spsi_frame *frame, const sps_light *given,
     memcpy(light->color, given->color, sizeof light->color);
     light->samples = given->samples;
     light->cone.exists = outer > 0;
-    light->cone.none = spsi_dmax(2 * pow(sin(0.5 * outer), 2), 1e-30); /* what is narrower has no rim in floats */
+    light->cone.none = spsi_dmax(2 * pow(sin(0.5 * outer), 2), 1e-30); /* narrower cones have no rim in floats */
     light->cone.rim = spsi_dmax(2 * sin(0.5 * (outer + inner)) * sin(0.5 * (outer - inner)), 1e-7 * light->cone.none);
     spsi_basis(light->direction, light->across[0], light->across[1]);
     if (given->projector) spsi_projection_build(given, light->direction, &light->projection);
@@ -5111,10 +5095,10 @@ SPSI_COLD void spsi_light_build(const spsi_frame *frame, const sps_light *given,
     light->map_size = given->shadow_map_resolution > 0 ? given->shadow_map_resolution : frame->view.shadow_resolution;
 }
 
-#define SPSI_TABLES_MOST 13 /* that the points of an area light share */
+#define SPSI_TABLES_MOST 13 /* tables per area light */
 
-/* Places the points of all extended lights. A mean over few points is as good for what varies slowly over a light: its
-   squared distance. A cone and an image need all points. */
+/* Places the points of area lights. Squared distance varies slowly, so few points suffice for it; cones and cookies
+   need all. */
 SPSI_COLD sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
     size_t count = 0;
     for (int i = 0; i < frame->lights.count; ++i) {
@@ -5143,7 +5127,6 @@ SPSI_COLD sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame
     return SPS_OK;
 }
 
-/* Copies the planes of lights' maps. */
 SPSI_COLD sps_result spsi_resolve_planes(sps_context *context, spsi_frame *frame) {
     size_t count = 0;
     for (int i = 0; i < frame->lights.count; ++i) count += (size_t)spsi_settings_planes(&frame->lights.list[i].map);
@@ -5161,7 +5144,6 @@ SPSI_COLD sps_result spsi_resolve_planes(sps_context *context, spsi_frame *frame
     return SPS_OK;
 }
 
-/* Sets the list of lamps. */
 static void spsi_lights_list(spsi_lights *lights, spsi_light *list, int count) {
     lights->list = list;
     lights->count = count;
@@ -5172,7 +5154,7 @@ static void spsi_lights_list(spsi_lights *lights, spsi_light *list, int count) {
     }
 }
 
-/* Lists the lights that are not black; none if nothing in the scene could reflect or scatter them. */
+/* Lists lights that are not black; none if nothing reflects or scatters. */
 SPSI_COLD sps_result spsi_resolve_lights(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     const int count = frame->matter.scatters || frame->meshes.count > 0 ? scene->light_count : 0;
     size_t lit = 0;
@@ -5199,7 +5181,7 @@ SPSI_COLD sps_result spsi_resolve_lights(sps_context *context, spsi_frame *frame
     return spsi_resolve_planes(context, frame) ? context->result : spsi_resolve_points(context, frame);
 }
 
-/* 1 if every color in the frame is grey, so that one channel of radiance stands for three; 3 otherwise. */
+/* 1 if all colors are grey, so that one channel suffices; otherwise 3. */
 SPSI_COLD int spsi_count_channels(const spsi_frame *frame) {
     int grey = spsi_grey(frame->given.ambient) && spsi_grey(frame->given.background) && !frame->given.background_fn;
     for (int i = 0; i < frame->lights.count; ++i)
@@ -5215,7 +5197,7 @@ SPSI_COLD int spsi_count_channels(const spsi_frame *frame) {
     return grey ? 1 : 3;
 }
 
-/* Resolves the scene's own fields, after its objects. */
+/* Runs after the scene's objects are resolved. */
 SPSI_COLD void spsi_resolve_scene(spsi_frame *frame, const sps_scene *scene) {
     frame->has_ambient = !spsi_black(scene->ambient);
     for (int m = 0; m < frame->matter.material_count; ++m) {
@@ -5226,8 +5208,7 @@ SPSI_COLD void spsi_resolve_scene(spsi_frame *frame, const sps_scene *scene) {
     frame->channels = spsi_count_channels(frame);
 }
 
-/* Checks everything and fills a frame, without reading voxels, triangles or particles. view may be NULL if there is
-   none yet. Returns NULL on failure. */
+/* Checks everything and fills a frame without reading any data. view may be NULL. Returns NULL on failure. */
 SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene, const sps_view *view,
                                        int wants_depth) {
     spsi_frame *frame = (spsi_frame *)spsi_reserve(context, SPSI_BUFFER_FRAME, 1, sizeof(spsi_frame));
@@ -5255,51 +5236,51 @@ SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *sc
 }
 
 /* =============================================================================================== >>gather
-   10 Relevant voxels. Volumes are read block by block; relevant voxels go into bricks of 8^3, 16 bytes each, in
-   segments that never move. A gas's voxel is relevant if it is not 0. A classified volume's voxel is relevant within
-   two voxels of a place where any value up to the largest of 3^3 neighbours has extinction: two voxels hold 99.6 % of a
-   kernel's weight, so that visible voxels are complete. Cost: linear in the number of voxels read. */
+   10 Relevant voxels. Volumes are read block by block. Relevant voxels go into bricks of 8^3, 16 bytes per voxel, in
+   segments that never move. An unclassified voxel is relevant if it is not 0. A classified one must lie within two
+   voxels of a visible place, where any value up to the maximum of 3^3 neighbours has extinction. Two voxels cover 99.6
+   % of a kernel's weight. Cost: linear in voxels read. */
 
-#define SPSI_SEGMENT 16384 /* voxels; a brick lies in one segment */
-#define SPSI_PADDING 16    /* floats behind the last voxel, so that a vector may be loaded there */
+#define SPSI_SEGMENT 16384 /* voxels; bricks do not straddle segments */
+#define SPSI_PADDING 16    /* floats after the last voxel, for whole vector loads */
 
 typedef struct spsi_segment {
     float x[SPSI_SEGMENT + SPSI_PADDING], y[SPSI_SEGMENT + SPSI_PADDING],
-        z[SPSI_SEGMENT + SPSI_PADDING]; /* voxel steps from the brick's base */
+        z[SPSI_SEGMENT + SPSI_PADDING]; /* steps from the brick's first voxel */
     float value[SPSI_SEGMENT + SPSI_PADDING];
-    int used; /* number of voxels */
+    int used; /* voxels */
 } spsi_segment;
 
 typedef struct spsi_brick {
-    int lattice, base[3];          /* index of its lattice; its first voxel */
-    unsigned char low[3], high[3]; /* minimum and maximum of its voxels' steps */
-    int segment, first, count;     /* index of the segment; range of voxels in it */
-    float most;                    /* maximum of their values */
+    int lattice, base[3];          /* first voxel */
+    unsigned char low[3], high[3]; /* range of its voxels' steps */
+    int segment, first, count;     /* voxels in the segment */
+    float most;                    /* maximum value */
 } spsi_brick;
 
 typedef struct spsi_block {
     const spsi_medium *medium;
     const spsi_material *material;
-    int low[3], size[3];           /* the voxels that are read: the core and its margin, clipped to the volume */
-    int core_low[3], core_high[3]; /* the core, whose voxels are gathered */
-    int empty;                     /* 1: range_fn shows that nothing in it can be relevant */
-    int range_calls, calls;        /* of range_fn; of read_fn or eval_fn */
-    int voxels_read, replaced;     /* replaced: values that were invalid */
-    sps_result result;             /* SPS_ERROR_CALLBACK, or SPS_ERROR_DATA if a value is invalid */
-    const char *field;             /* the callback, or "value" */
-    double number;                 /* what the callback returned, or the value */
-    int voxel[3];                  /* that has the value */
+    int low[3], size[3];           /* voxels to read: core plus margin, clipped to the volume */
+    int core_low[3], core_high[3]; /* voxels to gather */
+    int empty;                     /* 1: range_fn rules out relevant voxels */
+    int range_calls, calls;        /* number of range_fn calls; of read_fn or eval_fn calls */
+    int voxels_read, replaced;     /* replaced: invalid values */
+    sps_result result;             /* SPS_ERROR_CALLBACK; SPS_ERROR_DATA: invalid value */
+    const char *field;             /* callback, or "value" */
+    double number;                 /* its result, or the value */
+    int voxel[3];                  /* location of that value */
 } spsi_block;
 
 #define SPSI_BLOCK_EDGE   (SPSI_BLOCK + 2 * SPSI_MARGIN)
 #define SPSI_BLOCK_ROWS   (SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE)
 #define SPSI_BLOCK_BRICKS ((SPSI_BLOCK / SPSI_BRICK) * (SPSI_BLOCK / SPSI_BRICK) * (SPSI_BLOCK / SPSI_BRICK))
 
-/* A block with its voxels. Rows have a bit per voxel, the first one lowest. */
+/* A block with its voxels. Row masks: lowest bit is the first voxel. */
 typedef struct spsi_voxels {
     spsi_block block;
-    int brick_voxels[SPSI_BLOCK_BRICKS]; /* relevant ones, by brick */
-    int first_brick, brick_count;        /* that hold them, in the context's list */
+    int brick_voxels[SPSI_BLOCK_BRICKS]; /* relevant voxels per brick */
+    int first_brick, brick_count;        /* its bricks in the context's list */
     uint64_t relevant[SPSI_BLOCK_ROWS], shown[SPSI_BLOCK_ROWS];
     double positions[3 * SPSI_BLOCK_ROWS]; /* of one layer, for eval_fn */
     float values[SPSI_BLOCK_ROWS * SPSI_BLOCK_EDGE];
@@ -5335,20 +5316,20 @@ static size_t spsi_block_index(const spsi_block *block, int x, int y, int z) {
     return (size_t)(x - block->low[0]) + (size_t)block->size[0] * spsi_block_row(block, y, z);
 }
 
-/* Keeps what a callback returned, for spsi_block_check, as workers do not fail. Returns whether it failed. */
+/* Stores a callback's result for spsi_block_check, since workers must not report errors. Returns 1 on failure. */
 static int spsi_block_called(spsi_block *block, const char *callback, int returned) {
     if (returned) block->result = SPS_ERROR_CALLBACK, block->field = callback, block->number = returned;
     return returned != 0;
 }
 
-/* Finds out if range_fn shows that nothing in the block can be relevant. */
+/* Sets `empty` if range_fn rules out relevant voxels. */
 static void spsi_block_range(spsi_block *block) {
     const sps_volume *volume = &block->medium->given;
     float range[2] = {0, 0};
     if (!volume->range_fn) return;
     block->range_calls += 1;
     if (spsi_block_called(block, "range_fn", volume->range_fn(volume->user, block->low, block->size, range))) return;
-    if (!(range[0] <= range[1]) || !(range[1] <= SPSI_VALUE_MAX)) return; /* reading reports the error */
+    if (!(range[0] <= range[1]) || !(range[1] <= SPSI_VALUE_MAX)) return; /* reading will report it */
     if (block->material->table)
         block->empty = !spsi_transfer_shows(block->material, 0, range[1]);
     else
@@ -5372,7 +5353,7 @@ static void spsi_block_evaluate(spsi_voxels *voxels) {
     }
 }
 
-/* Reads a block, unless range_fn, which is called first if `asks`, shows that it is empty. */
+/* Reads a block. With `asks`, range_fn may skip it. */
 static void spsi_block_read(spsi_voxels *voxels, int asks) {
     spsi_block *block = &voxels->block;
     const sps_volume *volume = &block->medium->given;
@@ -5389,7 +5370,7 @@ static void spsi_block_read(spsi_voxels *voxels, int asks) {
     if (block->result == SPS_OK) block->voxels_read = count;
 }
 
-/* The lanes of values that are not 0..1e18. NaN is less than nothing. */
+/* Mask of lanes outside 0..1e18, NaN included. */
 static inline int spsi_invalid_bits(spsi_v value) {
     const int numbers = spsi_bits(spsi_less(value, spsi_set(SPSI_INFINITY)));
     const int low = spsi_bits(spsi_less(value, spsi_set(0)));
@@ -5397,7 +5378,7 @@ static inline int spsi_invalid_bits(spsi_v value) {
     return low | high | (numbers ^ SPSI_ALL_LANES);
 }
 
-/* Replaces invalid values by 0, or stops at the first one. */
+/* Replaces invalid values by 0, or stops at the first. */
 static void spsi_block_validate(spsi_voxels *voxels, int replace) {
     spsi_block *block = &voxels->block;
     float *value = voxels->values;
@@ -5420,7 +5401,6 @@ static void spsi_block_validate(spsi_voxels *voxels, int replace) {
             }
 }
 
-/* Fails if anything is wrong with a block. */
 SPSI_COLD sps_result spsi_block_check(sps_context *context, const spsi_block *block) {
     char rule[96];
     if (block->result == SPS_OK) return SPS_OK;
@@ -5430,7 +5410,6 @@ SPSI_COLD sps_result spsi_block_check(sps_context *context, const spsi_block *bl
                            rule);
 }
 
-/* Adds what was done for a block to the statistics. */
 SPSI_COLD void spsi_block_count_up(sps_stats_report *stats, const spsi_block *block) {
     uint64_t *calls = block->medium->given.eval_fn ? &stats->eval_calls : &stats->read_calls;
     *calls += (uint64_t)block->calls;
@@ -5440,29 +5419,29 @@ SPSI_COLD void spsi_block_count_up(sps_stats_report *stats, const spsi_block *bl
     stats->values_replaced += (uint64_t)block->replaced;
 }
 
-/* --- the blocks of a volume, several at a time --- */
+/* --- reading blocks in batches --- */
 
 typedef struct spsi_reader {
     const sps_context *context;
     const spsi_medium *medium;
     const spsi_material *material;
-    int asks;               /* 1: range_fn is called first */
+    int asks;               /* 1: call range_fn first */
     int replace;            /* 1: invalid values count as 0 */
-    spsi_call_stage part;   /* of this volume */
-    int64_t block_count;    /* of the volume */
-    int at_once;            /* blocks in memory, at most */
-    spsi_voxels *list;      /* these blocks */
-    int count;              /* their number */
+    spsi_call_stage part;   /* progress of this volume */
+    int64_t block_count;
+    int at_once;            /* maximum blocks in memory */
+    spsi_voxels *list;
+    int count;              /* length of `list` */
 } spsi_reader;
 
-/* Several per worker: some take long, others are skipped, and workers wait for each other at the end. */
+/* Several blocks per worker even out the load. */
 SPSI_COLD int spsi_blocks_at_once(const sps_context *context, const spsi_medium *medium) {
     const int workers = spsi_worker_count(context), most = workers > 1 ? 4 * workers : 1;
     const int64_t count = spsi_block_count(medium);
     return count < most ? (int)count : most;
 }
 
-/* Reserves memory for a reader, whose medium is set. */
+/* Requires reader->medium. */
 SPSI_COLD sps_result spsi_reader_open(sps_context *context, spsi_reader *reader) {
     reader->context = context;
     reader->block_count = spsi_block_count(reader->medium);
@@ -5472,7 +5451,7 @@ SPSI_COLD sps_result spsi_reader_open(sps_context *context, spsi_reader *reader)
     return reader->list ? SPS_OK : context->result;
 }
 
-/* A block of the list, read and valid; NULL if there is nothing to be done with it. */
+/* A valid block of the list; NULL if empty or failed. Concurrent volumes are read here. */
 static spsi_voxels *spsi_reader_values(const spsi_reader *reader, int index) {
     spsi_voxels *voxels = &reader->list[index];
     if (reader->medium->given.concurrent) spsi_block_read(voxels, reader->asks);
@@ -5480,7 +5459,7 @@ static spsi_voxels *spsi_reader_values(const spsi_reader *reader, int index) {
     return voxels->block.voxels_read > 0 && voxels->block.result == SPS_OK ? voxels : NULL;
 }
 
-/* Reads the blocks of the list, if workers may not: none after one that fails. */
+/* Reads the blocks of the list if callbacks must not run concurrently, up to the first failure. */
 SPSI_COLD sps_result spsi_reader_read(sps_context *context, spsi_reader *reader, int64_t first) {
     for (int i = 0; i < reader->count; ++i) {
         const double done = (double)(first + i) / (double)reader->block_count;
@@ -5492,8 +5471,8 @@ SPSI_COLD sps_result spsi_reader_read(sps_context *context, spsi_reader *reader,
     return SPS_OK;
 }
 
-/* Reads blocks from number `first` on, and runs a task for each, which gets it from spsi_reader_values. What fails is
-   the first block that does, and only blocks up to it count, so that neither depends on the number of workers. */
+/* Reads a batch from block `first` on and runs a task per block, which calls spsi_reader_values. Errors and statistics
+   stop at the first failed block, so they do not depend on the number of workers. */
 SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader, int64_t first, sps_task_fn task,
                                       void *data) {
     const int64_t left = reader->block_count - first;
@@ -5511,8 +5490,8 @@ SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader,
 
 /* --- the relevant voxels of a block --- */
 
-/* Marks voxels that are not 0 as relevant, and those up to whose values the transfer function shows something as
-   shown. Returns whether anything in the block matters. */
+/* Marks voxels that are not 0 as relevant, and voxels that the transfer function may show as shown. Returns 1 if there
+   are any. */
 static int spsi_block_mark(spsi_voxels *voxels) {
     const spsi_material *material = voxels->block.material;
     const int width = voxels->block.size[0], rows = voxels->block.size[1] * voxels->block.size[2];
@@ -5535,7 +5514,7 @@ static int spsi_block_mark(spsi_voxels *voxels) {
     return any != 0;
 }
 
-/* Adds to each of `count` rows, `step` apart, the bits of those within SPSI_MARGIN of it. */
+/* Dilates masks by SPSI_MARGIN rows; rows are `step` apart. */
 static void spsi_rows_spread(uint64_t *rows, int count, int step) {
     uint64_t line[SPSI_BLOCK_EDGE + 2 * SPSI_MARGIN] = {0};
     for (int i = 0; i < count; ++i) line[SPSI_MARGIN + i] = rows[i * step];
@@ -5543,10 +5522,8 @@ static void spsi_rows_spread(uint64_t *rows, int count, int step) {
         for (int k = 0; k <= 2 * SPSI_MARGIN; ++k) rows[i * step] |= line[i + k];
 }
 
-/* Leaves those voxels relevant that contribute to anything that the transfer function shows. A voxel is shown if any
-   value up to the maximum of its 3^3 neighbourhood is: without it the field would fall to 0, through the values shown.
-   What lies up to two voxels from there contributes. Altogether: what lies within three voxels of a place that has
-   such a value itself. */
+/* Keeps voxels within three voxels of a visible value. One voxel: the kernel sum may pass through visible values on its
+   slope to 0. Two more: the kernels that reach there. */
 static void spsi_block_spread(spsi_voxels *voxels) {
     const int height = voxels->block.size[1], depth = voxels->block.size[2];
     for (int row = 0; row < height * depth; ++row) {
@@ -5558,7 +5535,7 @@ static void spsi_block_spread(spsi_voxels *voxels) {
     for (int row = 0; row < height * depth; ++row) voxels->relevant[row] &= voxels->shown[row];
 }
 
-/* The first voxel of a brick of a block. Returns 0 if it is not in the volume. */
+/* Finds a brick's first voxel. Returns 0 if it is outside of the volume. */
 static int spsi_block_brick(const spsi_block *block, int number, int base[3]) {
     const int edge = SPSI_BLOCK / SPSI_BRICK;
     int inside = 1;
@@ -5569,7 +5546,7 @@ static int spsi_block_brick(const spsi_block *block, int number, int base[3]) {
     return inside;
 }
 
-/* The relevant voxels of a layer of a brick: 8 rows of 8 bits. Rows have no bits beyond the volume. */
+/* Mask of relevant voxels in a brick's layer, 8 rows of 8 bits. */
 static uint64_t spsi_brick_layer(const spsi_voxels *voxels, const int base[3], int z) {
     const spsi_block *block = &voxels->block;
     const int height = spsi_imin(SPSI_BRICK, block->core_high[1] - base[1]);
@@ -5581,7 +5558,7 @@ static uint64_t spsi_brick_layer(const spsi_voxels *voxels, const int base[3], i
     return layer;
 }
 
-/* Reads a block, and counts its relevant voxels. */
+/* Reads a block and counts its relevant voxels. */
 static void spsi_block_task(void *data, int index, int worker) {
     const spsi_reader *reader = (const spsi_reader *)data;
     spsi_voxels *voxels = spsi_reader_values(reader, index);
@@ -5602,7 +5579,7 @@ static spsi_segment *spsi_segment_at(const sps_context *context, int index) {
     return ((spsi_segment **)context->buffers[SPSI_BUFFER_SEGMENTS].data)[index];
 }
 
-/* The segment with room for a whole brick; `current`, its index, advances when it is full. Returns NULL on failure. */
+/* Segment with room for a whole brick; advances `current` when full. NULL on failure. */
 SPSI_COLD spsi_segment *spsi_segment_with_room(sps_context *context, int *current) {
     const int whole = SPSI_BRICK * SPSI_BRICK * SPSI_BRICK;
     spsi_segment *segment = *current < 0 ? NULL : spsi_segment_at(context, *current);
@@ -5621,7 +5598,7 @@ SPSI_COLD spsi_segment *spsi_segment_with_room(sps_context *context, int *curren
     return segment;
 }
 
-/* Adds a block's bricks to the list, with places for their voxels, so that workers can fill them. */
+/* Reserves bricks and voxel ranges for a block, so that workers can fill them. */
 SPSI_COLD sps_result spsi_block_add_bricks(sps_context *context, spsi_voxels *voxels, int lattice, int *current) {
     voxels->first_brick = context->brick_count;
     for (int i = 0; i < SPSI_BLOCK_BRICKS; ++i) {
@@ -5646,7 +5623,7 @@ SPSI_COLD sps_result spsi_block_add_bricks(sps_context *context, spsi_voxels *vo
     return SPS_OK;
 }
 
-/* Sets the minimum and maximum of a brick's steps, of which there is a bit each along x, y, z. */
+/* steps: masks of occupied x, y and z. */
 static void spsi_brick_bound(spsi_brick *brick, const uint64_t steps[3]) {
     for (int k = 0; k < 3; ++k) {
         int low = 0, high = SPSI_BRICK - 1;
@@ -5657,7 +5634,7 @@ static void spsi_brick_bound(spsi_brick *brick, const uint64_t steps[3]) {
     }
 }
 
-/* Copies a brick's voxels to their places, and zeroes the padding behind the last ones of a segment. */
+/* Copies a brick's voxels and zeroes the padding after a segment's last ones. */
 static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, spsi_brick *brick) {
     uint64_t steps[3] = {0, 0, 0};
     int at = brick->first;
@@ -5712,7 +5689,7 @@ SPSI_COLD sps_result spsi_gather_medium(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* A hash of everything that decides which voxels are held; 0 if a volume has no revision. */
+/* Hash of everything that decides which voxels are stored; 0 if a volume has no revision. */
 static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->given.replace_invalid, sizeof(int));
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -5734,7 +5711,7 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     return hash | 1;
 }
 
-/* Hashes a brick's voxels and its place in its volume. Four sums side by side, as each waits for itself. */
+/* Hashes a brick's voxels and position. Four independent sums hide the latency. */
 static void spsi_brick_fingerprints_task(void *data, int index) {
     const sps_context *context = (const sps_context *)data;
     const spsi_brick *brick = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data + index;
@@ -5753,7 +5730,7 @@ static void spsi_brick_fingerprints_task(void *data, int index) {
     prints[index] = sums[0];
 }
 
-/* Computes the fingerprints of all bricks, unless they are held with them. */
+/* Computes the fingerprints of all bricks unless cached. */
 SPSI_COLD sps_result spsi_brick_fingerprints(sps_context *context) {
     if (context->bricks_printed) return SPS_OK;
     if (!spsi_reserve(context, SPSI_BUFFER_BRICK_FINGERPRINTS, (size_t)context->brick_count, sizeof(uint64_t)))
@@ -5763,7 +5740,7 @@ SPSI_COLD sps_result spsi_brick_fingerprints(sps_context *context) {
     return SPS_OK;
 }
 
-/* The world bounds of a brick's voxels and their kernels. */
+/* World bounds of a brick's kernels. */
 SPSI_COLD void spsi_brick_bounds(const spsi_frame *frame, const spsi_brick *brick, spsi_bounds *bounds) {
     *bounds = spsi_nowhere;
     for (int corner = 0; corner < 8; ++corner) {
@@ -5775,7 +5752,7 @@ SPSI_COLD void spsi_brick_bounds(const spsi_frame *frame, const spsi_brick *bric
     }
 }
 
-/* The world bounds of the relevant voxels and their kernels; empty if there are none. */
+/* World bounds of all kernels; empty if there are none. */
 SPSI_COLD void spsi_bricks_bounds(const sps_context *context, const spsi_frame *frame, spsi_bounds *bounds) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     *bounds = spsi_nowhere;
@@ -5786,7 +5763,7 @@ SPSI_COLD void spsi_bricks_bounds(const sps_context *context, const spsi_frame *
     }
 }
 
-/* Tells the caller how many of what it gave were replaced. */
+/* Reports to the caller how many inputs were replaced. */
 SPSI_COLD void spsi_tell_replaced(const sps_context *context, uint64_t before, const char *what) {
     const double replaced = (double)(context->stats.values_replaced - before);
     char text[96];
@@ -5796,12 +5773,12 @@ SPSI_COLD void spsi_tell_replaced(const sps_context *context, uint64_t before, c
 
 #define SPSI_VALUES_REPLACED "values of volumes were invalid and count as 0"
 
-/* Whether the last call's voxels are those of this frame. */
+/* True if the cached voxels match this frame. */
 static int spsi_volumes_held(const sps_context *context, const spsi_frame *frame) {
     return context->gathered != 0 && context->gathered == spsi_volumes_fingerprint(frame);
 }
 
-/* Reads the relevant voxels of all volumes, unless they are held. */
+/* Reads the relevant voxels of all volumes unless cached. */
 SPSI_COLD sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
     const uint64_t replaced = context->stats.values_replaced;
     if (!spsi_volumes_held(context, frame)) {
@@ -5824,10 +5801,9 @@ SPSI_COLD sps_result spsi_gather(sps_context *context, const spsi_frame *frame) 
 
 /* ---- particles ---- */
 
-#define SPSI_PARTICLE_BATCH 4096 /* particles read at a time */
+#define SPSI_PARTICLE_BATCH 4096 /* particles per read_fn call */
 
-/* Returns the name of an invalid field of a particle, with the rule that it breaks and its value; NULL if all are
-   valid. */
+/* Name of an invalid field, with its rule and value; NULL if all are valid. */
 SPSI_COLD const char *spsi_particle_wrong(const sps_particle *particle, const char **rule, double *value) {
     for (int i = 0; i < 3; ++i) {
         *value = (double)particle->position[i];
@@ -5842,7 +5818,7 @@ SPSI_COLD const char *spsi_particle_wrong(const sps_particle *particle, const ch
     return *value >= 0 && particle->optical_depth <= SPSI_VALUE_MAX ? NULL : "optical_depth";
 }
 
-/* Fails on invalid particles, or replaces them by empty ones. */
+/* Fails on invalid particles, or empties them. */
 SPSI_COLD sps_result spsi_particles_validate(sps_context *context, const spsi_particle_set *set, sps_particle *list,
                                              size_t first, size_t count, int replace) {
     for (size_t i = 0; i < count; ++i) {
@@ -5862,7 +5838,7 @@ SPSI_COLD sps_result spsi_particles_validate(sps_context *context, const spsi_pa
     return SPS_OK;
 }
 
-/* Reads a set of particles. Those that are empty are not kept. */
+/* Reads a set of particles, dropping empty ones. */
 SPSI_COLD sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame, const spsi_particle_set *set,
                                      size_t *read, sps_particle *list) {
     for (size_t first = 0; first < set->given.count; first += SPSI_PARTICLE_BATCH) {
@@ -5885,7 +5861,7 @@ SPSI_COLD sps_result spsi_gather_set(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* Optical depth along a particle's diameter. */
+/* Optical depth along the diameter. */
 static double spsi_particle_depth(const sps_particle *particle, const spsi_particle_set *set) {
     const double shape = set->soft ? 4.0 / 3 : 2;
     return (double)particle->optical_depth * (set->given.is_extinction ? shape * (double)particle->radius : 1);
@@ -5900,9 +5876,9 @@ SPSI_COLD void spsi_particle_bounds(const sps_particle *particle, spsi_bounds *b
     }
 }
 
-/* Mean extinction of the gas of particles: of each, weighted by about what it covers, or of all in the volume that they
-   are spread over (a cube of edge a has a spread of a / 2), whichever is larger. Soft ones, which have no edges, count
-   as a bit thinner than they are. A few thousand stand for all. */
+/* Mean extinction of particles: individual ones, weighted by approximate coverage, or all mixed in the volume of their
+   spread, whichever is larger. A cube of edge a has a spread of a / 2. Soft particles count as slightly thinner. At
+   most 8192 are sampled. */
 static double spsi_measure_extinction(const spsi_frame *frame) {
     const spsi_content *content = frame->content;
     const int step = 1 + content->particle_count / 8192;
@@ -5923,8 +5899,7 @@ static double spsi_measure_extinction(const spsi_frame *frame) {
     return covered > 0 && volume > 0 ? spsi_dmax(mass / volume, sum / covered) : 0;
 }
 
-/* Bounds, mean radius, spread and extinction of the particles. They are means, so that a stray particle among many
-   hardly changes them. */
+/* Measures bounds, mean radius, spread and extinction. Means are robust against stray particles. */
 SPSI_COLD void spsi_measure_particles(const spsi_frame *frame) {
     double logs = 0, sum[3] = {0, 0, 0}, squares = 0, origin[3];
     if (frame->content->particle_count == 0) return;
@@ -5947,7 +5922,7 @@ SPSI_COLD void spsi_measure_particles(const spsi_frame *frame) {
     frame->content->particle_extinction = spsi_measure_extinction(frame);
 }
 
-/* Reads every set of particles once, and keeps 20 bytes per particle. */
+/* Reads every set once; 20 bytes per particle. */
 SPSI_COLD sps_result spsi_gather_particles(sps_context *context, const spsi_frame *frame) {
     const uint64_t replaced = context->stats.values_replaced;
     size_t read = 0;
@@ -5964,8 +5939,7 @@ SPSI_COLD sps_result spsi_gather_particles(sps_context *context, const spsi_fram
     return SPS_OK;
 }
 
-/* The number of the list that an item belongs to, of `count` that follow each other. ends: of these lists, so many ints
-   apart. Cost: a binary search. */
+/* Finds an item's list among `count` consecutive lists by binary search. Their ends are `apart` ints apart. */
 static int spsi_list_of(const int *ends, int apart, int count, int item) {
     int low = 0, high = count - 1;
     while (low < high) {
@@ -5978,41 +5952,39 @@ static int spsi_list_of(const int *ends, int apart, int count, int item) {
     return low;
 }
 
-/* The set that a particle of the content belongs to. */
 static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particle) {
     return &frame->particles.sets[spsi_list_of(frame->content->set_ends, 1, frame->particles.set_count, particle)];
 }
 
-/* --- how much light can scatter again --- */
+/* --- a bound of multiple scattering --- */
 
-#define SPSI_BOUND_NONE 1e6 /* of what scatters again, per unit of what scatters once: as much as may be */
+#define SPSI_BOUND_NONE 1e6 /* no bound: multiple per single scattering */
 
-/* Whether there is light that gas may scatter again, or that it lights polygons by or keeps from them. */
+/* True if media may scatter light repeatedly, light polygons or shadow them. */
 static int spsi_light_meets_gas(const spsi_frame *frame) {
     const int own = frame->matter.emits || frame->has_ambient, polygons = frame->meshes.triangle_count > 0;
     const int lit = own || frame->lights.shadow_count > 0 || (frame->lights.count > 0 && polygons);
-    const int gas = frame->medium_count + frame->particles.set_count; /* which may scatter nothing */
+    const int gas = frame->medium_count + frame->particles.set_count; /* some may not scatter */
     return (lit && frame->matter.scatters) || (own && gas > 0 && polygons);
 }
 
-/* A coarse grid of upper bounds of extinction. A straight way advances by at least 1 / sqrt 3 of its length along one
-   of the axes, so that its optical depth is at most sqrt 3 times the integral, along that axis, of the largest bound in
-   each plane across it. */
+/* Coarse grid of upper bounds of extinction. A straight segment advances by at least 1 / sqrt 3 of its length along
+   some axis. Its optical depth is at most sqrt 3 times the integral of the plane maxima along that axis. */
 typedef struct spsi_bound_grid {
     spsi_bounds bounds;
-    int side;         /* cells along each axis */
-    double edge[3];   /* of its cells */
-    float *all, *own; /* of all gas; of one volume */
+    int side;         /* cells per axis */
+    double edge[3];   /* cell edges */
+    float *all, *own; /* of all media; of one volume */
 } spsi_bound_grid;
 
 #define SPSI_BOUND_SIDE   32
-#define SPSI_BOUND_COARSE 4   /* cells along the edge of a coarse one */
-#define SPSI_BOUND_FEW    256 /* particles that are added to cells of any number */
-#define SPSI_BOUND_MOST   512 /* cells that others may touch; larger ones go to coarse cells */
+#define SPSI_BOUND_COARSE 4   /* edge of a coarse cell, in cells */
+#define SPSI_BOUND_FEW    256 /* up to so many particles may touch any number of cells */
+#define SPSI_BOUND_MOST   512 /* otherwise, cells per particle; larger ones go to coarse cells */
 #define SPSI_BOUND_CELLS  (SPSI_BOUND_SIDE * SPSI_BOUND_SIDE * SPSI_BOUND_SIDE)
 #define SPSI_BOUND_BYTES  (2 * SPSI_BOUND_CELLS * sizeof(float))
 
-/* The cells that a box touches. */
+/* Range of cells that a box touches. */
 SPSI_COLD void spsi_bound_range(const spsi_bound_grid *grid, const spsi_bounds *box, int low[3], int high[3]) {
     for (int k = 0; k < 3; ++k) {
         const double a = (box->low[k] - grid->bounds.low[k]) / grid->edge[k];
@@ -6022,7 +5994,7 @@ SPSI_COLD void spsi_bound_range(const spsi_bound_grid *grid, const spsi_bounds *
     }
 }
 
-/* Raises the bound of one volume in all cells that a box touches. */
+/* Raises one volume's bound in a box. */
 SPSI_COLD void spsi_bound_raise(const spsi_bound_grid *grid, const spsi_bounds *box, float extinction) {
     int low[3], high[3];
     spsi_bound_range(grid, box, low, high);
@@ -6034,7 +6006,7 @@ SPSI_COLD void spsi_bound_raise(const spsi_bound_grid *grid, const spsi_bounds *
             }
 }
 
-/* The largest extinction of any value up to the largest in a brick, whose kernels stay below it. */
+/* Maximum extinction over all values up to the brick's maximum, which kernel sums do not exceed. */
 SPSI_COLD float spsi_brick_extinction(const spsi_material *material, const spsi_brick *brick) {
     float extinction = 0;
     if (!material->table) return brick->most * material->extinction;
@@ -6043,8 +6015,8 @@ SPSI_COLD float spsi_brick_extinction(const spsi_material *material, const spsi_
     return extinction;
 }
 
-/* Adds a particle to the cells that it touches, unless they are more than `touched`, each as dense as where it comes
-   nearest to the centre, but not deeper than the whole particle. Returns whether it was added. */
+/* Adds a particle to the cells that it touches, with the density nearest to its centre, limited by its total depth.
+   Returns 0 if these are more than `touched`. */
 SPSI_COLD int spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_particle *particle,
                                       const spsi_particle_set *set, int touched) {
     const double radius = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2;
@@ -6073,7 +6045,7 @@ SPSI_COLD int spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_par
     return 1;
 }
 
-/* Upper bound of the optical depth on a straight way through the grid. */
+/* Upper bound of optical depth on a straight segment through the grid. */
 SPSI_COLD double spsi_bound_depth(const spsi_bound_grid *grid) {
     double most = 0;
     for (int axis = 0; axis < 3; ++axis) {
@@ -6089,7 +6061,6 @@ SPSI_COLD double spsi_bound_depth(const spsi_bound_grid *grid) {
     return most;
 }
 
-/* Adds the bricks of all volumes. */
 SPSI_COLD void spsi_bound_add_volumes(const sps_context *context, const spsi_frame *frame,
                                       const spsi_bound_grid *grid) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
@@ -6106,7 +6077,7 @@ SPSI_COLD void spsi_bound_add_volumes(const sps_context *context, const spsi_fra
     }
 }
 
-/* Adds all particles: where there are many, large ones to a coarse grid. Returns a bound for both grids. */
+/* Adds all particles; if there are many, large ones go to a coarse grid. Returns the bound over both grids. */
 SPSI_COLD double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bound_grid *grid) {
     const int most = frame->content->particle_count <= SPSI_BOUND_FEW ? SPSI_BOUND_CELLS : SPSI_BOUND_MOST;
     spsi_bound_grid coarse = *grid;
@@ -6123,7 +6094,7 @@ SPSI_COLD double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bo
     return spsi_bound_depth(grid) + spsi_bound_depth(&coarse);
 }
 
-/* Upper bound of the optical depth on any straight way through what was read; -1 on failure. */
+/* Upper bound of optical depth on any straight segment; -1 on failure. */
 SPSI_COLD double spsi_densest_way(sps_context *context, const spsi_frame *frame) {
     float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_BOUND_GRID, 1, SPSI_BOUND_BYTES);
     if (!memory) return -1;
@@ -6136,7 +6107,7 @@ SPSI_COLD double spsi_densest_way(sps_context *context, const spsi_frame *frame)
     return spsi_bound_add_particles(frame, &grid);
 }
 
-/* The largest albedo of all gas; 1 if ambient light is there to be shadowed. */
+/* Maximum albedo; 1 if there is ambient light to be shadowed. */
 SPSI_COLD double spsi_largest_albedo(const spsi_frame *frame) {
     float most = frame->has_ambient ? 1 : 0;
     for (int m = 0; m < frame->matter.material_count; ++m) {
@@ -6150,14 +6121,14 @@ SPSI_COLD double spsi_largest_albedo(const spsi_frame *frame) {
     return spsi_dmin((double)most, 1);
 }
 
-/* Whether polygons and gas send each other light, for which there is no bound. */
+/* True if polygons and media light each other, which has no bound. */
 SPSI_COLD int spsi_polygons_scatter(const spsi_frame *frame) {
     return frame->meshes.triangle_count > 0 && (frame->matter.scatters || frame->matter.emits);
 }
 
-/* Decides what SPS_SCATTERING_AUTO is. What scatters a second time is at most x of what scatters once, and so on: x is
-   the largest share that meets gas again, 1 - exp(-t), times the largest albedo. Sets the bound, x / (1 - x). There is
-   none beside polygons, which may send gas as much as lights do. */
+/* Resolves SPS_SCATTERING_AUTO. Each order of scattering is at most x times the last: x = max albedo * (1 - exp(-t)), t
+   bounding optical depth. So multiple scattering is at most x / (1 - x) of single scattering. Beside polygons there is
+   no bound. */
 SPSI_COLD sps_result spsi_decide_scattering(sps_context *context, spsi_frame *frame, double *bound) {
     *bound = 0;
     if (frame->view.scattering != SPS_SCATTERING_AUTO) return SPS_OK;
@@ -6174,26 +6145,24 @@ SPSI_COLD sps_result spsi_decide_scattering(sps_context *context, spsi_frame *fr
 }
 
 /* ================================================================================================ >>trees
-   11 Trees of boxes that rays traverse: of triangles, and of the reference's particles. They are built from the top;
-   each node is cut where the sum of area times number of items is smallest, at one of 16 bins along the axis on which
-   the items' centres spread most [Wald 2007]. This copes with a ground a million times as wide as what stands on it,
-   since the area term separates such outliers at once. Boxes are floats relative to a centre, rounded outwards; rays
-   are widened by the round-off of their own floats. So round-off never misses a box; boxes only select the items for an
-   exact test. Cost: items times levels to build, about 0.3 us per item for a million items; 36 bytes per item, and 28
-   more during the build. */
+   11 Bounding volume hierarchies of triangles and of the reference's particles. Built top-down with the surface area
+   heuristic: 16 bins along the axis of widest centres [Wald 2007]. Its area term separates outliers at once, such as a
+   ground a million times as wide as its objects. Boxes are floats relative to a centre, rounded outwards; rays are
+   padded by their round-off. So no box is missed, and an exact test follows. Cost: items times levels, 0.3 us per item
+   for a million; 36 bytes per item, 28 more while building. */
 
-#define SPSI_TREE_LEAF  4 /* maximum number of items in a leaf; the minimum is 2, unless the tree has only 1 */
+#define SPSI_TREE_LEAF  4 /* maximum items; the minimum is 2 if the tree has more than 1 */
 #define SPSI_TREE_BINS  16
-#define SPSI_TREE_DEPTH 48 /* from this depth on, nodes are split in half: 2^31 items go at most 30 levels deeper */
+#define SPSI_TREE_DEPTH 48 /* deeper nodes are halved: 2^31 items need at most 30 more levels */
 #define SPSI_TREE_STACK 96
-#define SPSI_TREE_TASKS 64 /* approximate number of subtrees built in parallel */
+#define SPSI_TREE_TASKS 64 /* approximate number of parallel subtrees */
 
 typedef struct spsi_tree_node {
     float low[3], high[3];
-    int first, count; /* count > 0: a leaf of these entries of `order`; 0: children first and first + 1 */
+    int first, count; /* leaf: range of `order`; count 0: children are first and first + 1 */
 } spsi_tree_node;
 
-/* An item while the tree is being built. */
+/* Used while building. */
 typedef struct spsi_tree_item {
     float low[3], high[3];
     int number;
@@ -6201,16 +6170,16 @@ typedef struct spsi_tree_item {
 
 typedef struct spsi_tree {
     spsi_tree_node *nodes;
-    int *order, count; /* order: the items' numbers, leaf after leaf */
-    double centre[3];  /* boxes are relative to this */
+    int *order, count; /* order: item numbers, leaf after leaf */
+    double centre[3];  /* origin of the boxes */
 } spsi_tree;
 
-/* A node whose items are to be split. */
+/* A node to be split. */
 typedef struct spsi_tree_task {
     int node, depth;
 } spsi_tree_task;
 
-/* A float just above (1) or below (0) `a`: the next one, or a little farther. */
+/* A float just above (1) or below (0) `a`, possibly not the next. */
 static float spsi_round_outward(double a, int above) {
     const double room = 1.2e-7 * fabs(a) + 1e-37;
     return (float)(above ? a + room : a - room);
@@ -6231,13 +6200,13 @@ static void spsi_tree_box_add(float low[3], float high[3], const float other_low
     }
 }
 
-/* Half the surface area of a box. `unit` is 1 over the node's longest side, so that nothing overflows. */
+/* Half the surface area. unit: 1 / the node's longest side, against overflow. */
 static float spsi_tree_area(const float low[3], const float high[3], float unit) {
     const float x = (high[0] - low[0]) * unit, y = (high[1] - low[1]) * unit, z = (high[2] - low[2]) * unit;
     return x >= 0 ? x * y + y * z + z * x : 0;
 }
 
-/* Twice an item's centre along an axis. */
+/* Twice the centre along an axis. */
 static inline float spsi_tree_middle(const spsi_tree_item *item, int axis) {
     return item->low[axis] + item->high[axis];
 }
@@ -6247,8 +6216,7 @@ typedef struct spsi_tree_bin {
     int count;
 } spsi_tree_bin;
 
-/* How to split a node's items: those whose centres fall into bins 0..last along the axis come first. last < 0: no cut
-   separates them. */
+/* Items whose centres fall into bins 0..last come first. last < 0: no useful cut. */
 typedef struct spsi_tree_cut {
     int axis, last;
     float start, scale;
@@ -6260,7 +6228,7 @@ static inline int spsi_tree_bin_of(const spsi_tree_cut *cut, const spsi_tree_ite
 
 static const spsi_tree_bin spsi_tree_empty = {{FLT_MAX, FLT_MAX, FLT_MAX}, {-FLT_MAX, -FLT_MAX, -FLT_MAX}, 0};
 
-/* Returns the bin after which a cut is cheapest: sweeps over the bins from both ends. */
+/* Best bin to cut after: sweeps from both ends. */
 static int spsi_tree_cheapest(const spsi_tree_bin *bins, float unit) {
     float cost[SPSI_TREE_BINS], least = FLT_MAX;
     int last = -1;
@@ -6280,7 +6248,7 @@ static int spsi_tree_cheapest(const spsi_tree_bin *bins, float unit) {
     return last;
 }
 
-/* Computes a node's box, and chooses its cut. */
+/* Computes a node's box and chooses its cut. */
 static void spsi_tree_plan_cut(const spsi_tree_item *items, spsi_tree_node *node, int depth, spsi_tree_cut *cut) {
     float low[3] = {FLT_MAX, FLT_MAX, FLT_MAX}, high[3] = {-FLT_MAX, -FLT_MAX, -FLT_MAX}, size = 0;
     spsi_tree_bin bins[SPSI_TREE_BINS];
@@ -6309,8 +6277,7 @@ static void spsi_tree_plan_cut(const spsi_tree_item *items, spsi_tree_node *node
     cut->last = spsi_tree_cheapest(bins, 1 / size);
 }
 
-/* Partitions items first..end-1 in place: those up to the cut come before the others. Returns the first of the
-   others. */
+/* Partitions items first..end-1 in place. Returns the first item beyond the cut. */
 static int spsi_tree_part(spsi_tree_item *items, int first, int end, const spsi_tree_cut *cut) {
     while (first < end) {
         if (spsi_tree_bin_of(cut, &items[first]) <= cut->last) {
@@ -6324,9 +6291,8 @@ static int spsi_tree_part(spsi_tree_item *items, int first, int end, const spsi_
     return first;
 }
 
-/* Makes a leaf of a node, or splits it in two. Both sides get at least two items, even if a single item lies far from
-   the others: cuts are then at least two apart, and a cut's position alone determines where its two nodes are stored,
-   whichever task builds them. Returns 0 for a leaf, or 1 with what is to be done for its children. */
+/* Makes a leaf, or splits a node and returns 1 with both child tasks. Each side has at least two items, so cuts are two
+   apart. Node storage then depends on the cut's position alone, not on the task that builds it. */
 static int spsi_tree_split(spsi_tree *tree, spsi_tree_item *items, const spsi_tree_task *task,
                            spsi_tree_task next[2]) {
     spsi_tree_node *node = &tree->nodes[task->node], *children;
@@ -6358,7 +6324,6 @@ typedef struct spsi_tree_job {
     int task_count;
 } spsi_tree_job;
 
-/* Builds one subtree. */
 static void spsi_tree_task_run(void *data, int index) {
     const spsi_tree_job *job = (const spsi_tree_job *)data;
     spsi_tree_task stack[SPSI_TREE_STACK];
@@ -6370,10 +6335,10 @@ static void spsi_tree_task_run(void *data, int index) {
     }
 }
 
-/* Number of nodes to reserve for a tree of `count` items. */
+/* Nodes to reserve for `count` items. */
 static size_t spsi_tree_nodes(size_t count) { return count + 2; }
 
-/* Reserves a tree. Returns the items to build it from; NULL after a failure. */
+/* Reserves a tree. Returns its items to fill; NULL on failure. */
 static spsi_tree_item *spsi_tree_reserve(sps_context *context, spsi_buffer_id nodes, spsi_buffer_id order, int count,
                                          spsi_tree *tree) {
     const size_t all = (size_t)count;
@@ -6385,7 +6350,7 @@ static spsi_tree_item *spsi_tree_reserve(sps_context *context, spsi_buffer_id no
     return tree->nodes && tree->order ? items : NULL;
 }
 
-/* Builds a tree whose memory is already reserved: the top nodes serially, then the subtrees in parallel. */
+/* Builds a reserved tree: top nodes serially, subtrees in parallel. */
 static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tree_item *items) {
     spsi_tree_job job = {tree, items, {{0, 0}}, 1};
     const int few = spsi_imax(tree->count / SPSI_TREE_TASKS, 1024);
@@ -6412,7 +6377,7 @@ static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tr
 
 typedef struct spsi_ray {
     double origin[3], direction[3];
-    double low, high; /* segment of interest, in lengths of `direction` from the origin */
+    double low, high; /* segment, in lengths of `direction` */
 } spsi_ray;
 
 static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const double high[3], double range[2]) {
@@ -6431,9 +6396,8 @@ static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const do
     return range[0] <= range[1];
 }
 
-/* Boxes are floats, rounded outwards; they need a margin for the sums in double precision that place them about the
-   centre, and for those by which faces are tested, so that none is missed that is hit by round-off. A ray is
-   `half` wide to each side. */
+/* Tests a ray of half width `half`. The margin covers round-off of placing boxes about the centre, and of the exact
+   tests of faces. */
 static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const double half[3],
                                const spsi_tree_node *node) {
     double low[3], high[3], range[2], room = 0;
@@ -6447,12 +6411,12 @@ static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const
     return spsi_ray_meets_box(ray, low, high, range);
 }
 
-/* A ray's walk through a tree. */
+/* Traversal of a tree. */
 typedef struct spsi_walk {
     const spsi_tree *tree;
-    double half[3]; /* the ray's width to each side */
+    double half[3]; /* half width of the ray */
     int stack[SPSI_TREE_STACK], top;
-    int next, end; /* what is left of a leaf in `order` */
+    int next, end; /* remaining entries of a leaf in `order` */
 } spsi_walk;
 
 static void spsi_walk_begin(const spsi_tree *tree, spsi_walk *walk) {
@@ -6462,8 +6426,7 @@ static void spsi_walk_begin(const spsi_tree *tree, spsi_walk *walk) {
     walk->top = tree->count > 0;
 }
 
-/* The number of the next item in a leaf that a ray meets, which may have been shortened since the last; -1: there is
-   none. */
+/* Next candidate item of the ray, which may have been shortened meanwhile; -1: none. */
 static int spsi_walk_on(spsi_walk *walk, const spsi_ray *ray) {
     while (walk->next == walk->end) {
         if (walk->top == 0) return -1;
@@ -6479,30 +6442,28 @@ static int spsi_walk_on(spsi_walk *walk, const spsi_ray *ray) {
 }
 
 /* ============================================================================================= >>polygons
-   12 Triangles as the eye and each light see them, by homogeneous edge functions [Olano & Greer 1997]: for corners h0,
-   h1, h2 in ray space, the three (h1 x h2) . (x, y, 1) have one sign where the ray hits the triangle, even with corners
-   behind the eye, so nothing is ever clipped. A sign that round-off may have changed is determined exactly: the corners
-   are moved so that the ray is at (0, 0), which leaves a difference of two products; where that is 0, the ray is moved
-   by (e, e^2) for an infinitesimal e > 0. All of this depends only on the ray and the edge's two corners, and changes
-   sign when they are swapped. So triangles that share corners neither leave gaps nor overlap, not even for a ray
-   through an edge or a corner. Cost: triangles times rows of tiles to cull, then three edge functions per pixel of a
-   triangle's bounding box, whose rows the rasteriser first narrows to the edges; vectors of pixels within a triangle
-   are tested at their ends only. */
+   12 Rasterising triangles by homogeneous edge functions [Olano & Greer 1997]. With corners h0, h1, h2 in ray space, a
+   ray hits where all (h1 x h2) . (x, y, 1) have one sign. This needs no clipping, even behind the eye. If round-off
+   makes a sign uncertain, it is evaluated exactly: with corners moved so that the ray is (0, 0), it is a difference of
+   two products. Ties are broken by moving the ray by (e, e^2), e infinitesimal. Results depend only on ray and edge and
+   flip with its direction, so shared edges and corners leave no gaps or overlaps. Cost: triangles times tile rows to
+   cull, then three edge functions per pixel of the box. Rows are narrowed first; vectors inside a triangle are tested
+   at their ends only. */
 
 typedef struct spsi_face {
-    double position[3][3]; /* in the world */
+    double position[3][3]; /* world space */
     float normal[3][3], color[3][3];
     float transmittance[3]; /* all 0: opaque */
-    float rounding;         /* maximum error of its corners, which are floats in their mesh */
+    float rounding;         /* maximum error of the corners: meshes store floats */
 } spsi_face;
 
-/* Optical depth of a face to light of all colors, for transmittance maps. */
+/* Grey optical depth for transmittance maps. */
 static float spsi_face_optical_depth(const spsi_face *face) {
     const float mean = (face->transmittance[0] + face->transmittance[1] + face->transmittance[2]) / 3;
     return mean > 0 ? -logf(mean) : SPSI_DEPTH_MAX;
 }
 
-/* The face's normal, of twice its area. */
+/* Normal with the length of twice the area. */
 static void spsi_face_plane(const spsi_face *face, double plane[3]) {
     double u[3], v[3];
     spsi_along(face->position[1], face->position[0], -1, u);
@@ -6513,33 +6474,33 @@ static void spsi_face_plane(const spsi_face *face, double plane[3]) {
 static int spsi_face_is_translucent(const spsi_face *face) { return !spsi_black(face->transmittance); }
 
 typedef struct spsi_hit {
-    float depth; /* t - depth_reference; infinity: nothing */
+    float depth; /* t - depth_reference; infinity: miss */
     int face;
-    float weights[2]; /* of corners 1 and 2 */
+    float weights[2]; /* barycentric, corners 1 and 2 */
 } spsi_hit;
 
-/* What shade_fn needs to know of a face, in addition. */
+/* Additional input of shade_fn. */
 typedef struct spsi_face_texture {
     float uv[3][2];
-    uint32_t number; /* of the triangle in its mesh: those without area are no faces */
+    uint32_t number; /* triangle in its mesh; degenerate ones are not listed */
 } spsi_face_texture;
 
-/* The faces of a mesh, which follow those of the mesh before it. */
+/* Faces of consecutive meshes. */
 typedef struct spsi_mesh_faces {
-    int end;      /* of its faces in the list */
-    int textures; /* of a mesh that has a shade_fn: index of its first face's texture, minus that of the face */
+    int end;      /* end in the list */
+    int textures; /* add a face's index to find its texture */
 } spsi_mesh_faces;
 
 typedef struct spsi_faces {
     const spsi_face *list;
     int count;
-    double extent; /* largest absolute coordinate */
+    double extent; /* maximum absolute coordinate */
     spsi_tree tree;
-    const spsi_face_texture *textures; /* of the faces of all meshes that have a shade_fn; NULL: none has */
-    const spsi_mesh_faces *meshes;     /* per mesh; NULL likewise */
+    const spsi_face_texture *textures; /* for meshes with shade_fn; NULL: none */
+    const spsi_mesh_faces *meshes;     /* NULL likewise */
 } spsi_faces;
 
-/* Checks a triangle's colors, normals and texture coordinates, and its corners' positions in the world. */
+/* Checks a triangle: colors, normals, texture coordinates, world positions. */
 static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *t, const spsi_mesh *mesh, size_t number,
                                       double world[3][3]) {
     const char *names[] = {"position", "normal", "albedo", "uv"};
@@ -6558,21 +6519,20 @@ static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *
     for (int i = 0; i < 6 && mesh->given.shade_fn && wrong < 0; ++i)
         if (!(fabsf(t->uv[i / 2][i % 2]) <= FLT_MAX)) wrong = 3, value = (double)t->uv[i / 2][i % 2];
     if (wrong < 0) return SPS_OK;
-    for (int i = 0; i < 9 && wrong == 0; ++i) /* a NaN spreads to other components on its way into the world */
+    for (int i = 0; i < 9 && wrong == 0; ++i) /* the transform spreads NaN: find the original */
         if (!(fabsf(t->position[i / 3][i % 3]) <= FLT_MAX)) value = (double)t->position[i / 3][i % 3];
     SPS_SNPRINTF(field, sizeof field, "triangle[%.0f].%s", (double)number, names[wrong]);
     return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, field, value, rules[wrong]);
 }
 
-/* World position of a local one; equal corners get equal bits. */
+/* Equal corners get equal bits. */
 static void spsi_to_world(const sps_placement *placement, const float local[3], double world[3]) {
     memcpy(world, placement->origin, sizeof placement->origin);
     for (int i = 0; i < 9; ++i)
         world[i % 3] = spsi_multiply_add(placement->axis[i / 3][i % 3], (double)local[i / 3], world[i % 3]);
 }
 
-/* Corner normals in the world, or the triangle's own. They are transformed by the placement's cofactors, so that they
-   stay perpendicular to the surface under any affine map. */
+/* Corner normals in world space, or the facet's. Cofactors keep them perpendicular under any affine map. */
 static void spsi_face_normals(const spsi_mesh *mesh, const sps_triangle *triangle, const double own[3],
                               spsi_face *face) {
     const sps_placement *placement = &mesh->given.placement;
@@ -6587,13 +6547,13 @@ static void spsi_face_normals(const spsi_mesh *mesh, const sps_triangle *triangl
     }
 }
 
-/* The depth of the polygon at a pixel; outside the image, that at its edge. */
+/* Polygon depth at a pixel, clamped to the image's edge. */
 static inline float spsi_hit_depth(const spsi_hit *hits, int width, int height, int x, int y) {
     const int row = spsi_imin(spsi_imax(y, 0), height - 1), column = spsi_imin(spsi_imax(x, 0), width - 1);
     return hits ? hits[(size_t)row * (size_t)width + (size_t)column].depth : SPSI_INFINITY;
 }
 
-/* Depths at a vector of pixels, clamped to the image's edge; infinity without hits. */
+/* Depths at a vector of pixels, clamped to the edge; infinity without hits. */
 static inline spsi_v spsi_hit_depths(const spsi_hit *hits, int width, int height, int x, int y) {
     float depth[SPSI_LANES];
     if (!hits) return spsi_set(SPSI_INFINITY);
@@ -6601,18 +6561,18 @@ static inline spsi_v spsi_hit_depths(const spsi_hit *hits, int width, int height
     return spsi_load(depth);
 }
 
-#define SPSI_TRIANGLE_BATCH 256  /* triangles read at a time */
-#define SPSI_TICK_TRIANGLES 4096 /* read between two looks at the clock */
+#define SPSI_TRIANGLE_BATCH 256  /* triangles per read_fn call */
+#define SPSI_TICK_TRIANGLES 4096 /* triangles between progress calls */
 
-/* Where faces go while they are read. */
+/* Output lists while reading. */
 typedef struct spsi_face_lists {
     spsi_face *faces;
-    spsi_face_texture *textures; /* NULL: no mesh has a shade_fn */
+    spsi_face_texture *textures; /* NULL: no shade_fn */
     spsi_mesh_faces *meshes;     /* NULL likewise */
     int face_count, texture_count;
 } spsi_face_lists;
 
-/* Adds a triangle as a face, unless it has no area. */
+/* Adds a triangle unless it is degenerate. */
 static void spsi_face_add(const spsi_frame *frame, const spsi_mesh *mesh, const sps_triangle *triangle, size_t number,
                           double world[3][3], spsi_face_lists *lists) {
     spsi_face *face = &lists->faces[lists->face_count];
@@ -6660,7 +6620,7 @@ SPSI_COLD sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *fr
     return SPS_OK;
 }
 
-/* A hash of everything that determines which faces are held; 0 if a mesh has no revision. */
+/* Hash of everything that decides the faces; 0 if a mesh has no revision. */
 static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = SPSI_FINGERPRINT_START;
     for (int i = 0; i < frame->meshes.count; ++i) {
@@ -6679,13 +6639,13 @@ static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     return hash | 1;
 }
 
-/* Whether the faces of all meshes are still held from an earlier call. */
+/* True if the cached faces match. */
 SPSI_COLD int spsi_faces_held(const sps_context *context, const spsi_frame *frame) {
     const uint64_t fingerprint = spsi_meshes_fingerprint(frame);
     return fingerprint != 0 && fingerprint == context->faces_held;
 }
 
-/* Reserves the lists of what shade_fn needs, if any mesh has one. */
+/* Reserves input for shade_fn if needed. */
 static sps_result spsi_face_textures_begin(sps_context *context, const spsi_frame *frame, spsi_face_lists *lists) {
     const spsi_meshes *meshes = &frame->meshes;
     if (meshes->textured_count == 0) return SPS_OK;
@@ -6696,7 +6656,6 @@ static sps_result spsi_face_textures_begin(sps_context *context, const spsi_fram
     return context->result;
 }
 
-/* Reads every mesh, once. */
 SPSI_COLD sps_result spsi_read_faces(sps_context *context, const spsi_frame *frame) {
     spsi_face_lists lists;
     memset(&lists, 0, sizeof lists);
@@ -6715,7 +6674,7 @@ SPSI_COLD sps_result spsi_read_faces(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* Provides the triangles of all meshes, reading them unless they are still held from an earlier call. */
+/* Reads the triangles of all meshes unless cached. */
 SPSI_COLD sps_result spsi_gather_faces(sps_context *context, const spsi_frame *frame, spsi_faces *faces) {
     memset(faces, 0, sizeof *faces);
     if (frame->meshes.triangle_count == 0) return SPS_OK;
@@ -6744,15 +6703,14 @@ SPSI_COLD sps_result spsi_gather_faces(sps_context *context, const spsi_frame *f
 }
 
 typedef struct spsi_edges {
-    double corner[3][3]; /* in ray space */
-    double depth[3];     /* of the corners, t - depth_reference */
-    double edge[3][3];   /* edge functions of corner pairs 12, 20, 01; positive inside */
-    double rounding[3];  /* upper bounds of their round-off; infinity where the triangle is seen nearly edge-on */
-    int side;            /* sign that the edges were multiplied by; 0: it is unknown which side is the inside */
+    double corner[3][3]; /* ray space */
+    double depth[3];     /* t - depth_reference of corners */
+    double edge[3][3];   /* edge functions of corners 12, 20, 01; positive inside */
+    double rounding[3];  /* error bounds; infinity if nearly edge-on */
+    int side;            /* sign of the edges before; 0: unknown inside */
 } spsi_edges;
 
-/* Corners in ray space: (x t, y t, t) in perspective, (x, y, 1) otherwise. A corner has the same bits in every triangle
-   that shares it. */
+/* Corners in ray space: (x t, y t, t) in perspective, otherwise (x, y, 1). Shared corners have equal bits. */
 static void spsi_face_corners(const spsi_faces *faces, int index, const spsi_rays *rays, spsi_edges *e) {
     for (int i = 0; i < 3; ++i) {
         double offset[3];
@@ -6766,9 +6724,8 @@ static void spsi_face_corners(const spsi_faces *faces, int index, const spsi_ray
     }
 }
 
-/* The value of an edge is off by at most 5 u of the sum of its products' magnitudes, u = 2^-53, and by 4 u of it where
-   corners are moved; 32 u are allowed for both. The determinant is the sum of the edges' values at any ray, each times
-   its corner's t. */
+/* Edge values have errors up to 5 u times the sum of magnitudes, 4 u more when corners are moved; 32 u are allowed (u =
+   2^-53). The determinant is the sum of corner t times edge value at any ray. */
 static void spsi_face_edges(const spsi_faces *faces, int index, const spsi_rays *rays, spsi_edges *e) {
     double determinant = 0, rounding = 0, most[3][2];
     spsi_face_corners(faces, index, rays, e);
@@ -6789,8 +6746,8 @@ static void spsi_face_edges(const spsi_faces *faces, int index, const spsi_rays 
     for (int i = 0; i < 3 && e->side == 0; ++i) e->rounding[i] = HUGE_VAL;
 }
 
-/* Pixels that a face may cover: x0, y0, x1, y1 inclusive; x1 < x0 for none. Where a face crosses the eye's plane, its
-   part in front reaches from the corners there to infinity, on the side where an edge crosses. */
+/* Pixel bounds x0, y0, x1, y1 inclusive; empty if x1 < x0. Where a face crosses the eye's plane, its bounds extend to
+   infinity on that side. */
 static void spsi_face_box(const spsi_faces *faces, int index, const spsi_rays *rays, int box[4]) {
     const int last[2] = {rays->width - 1, rays->height - 1};
     spsi_edges e;
@@ -6803,7 +6760,7 @@ static void spsi_face_box(const spsi_faces *faces, int index, const spsi_rays *r
                 low = spsi_dmin(a[k] / a[2], low);
                 high = spsi_dmax(a[k] / a[2], high);
             }
-            if ((a[2] > 0) != (b[2] > 0)) { /* the edge crosses t = 0, on the side of this sign */
+            if ((a[2] > 0) != (b[2] > 0)) { /* the edge crosses t = 0; the sign tells the side */
                 const double side = (a[2] > 0 ? 1 : -1) * (b[k] * a[2] - a[k] * b[2]);
                 const double rounding = 1e-12 * (fabs(b[k] * a[2]) + fabs(a[k] * b[2]));
                 if (!(side > rounding)) low = -HUGE_VAL;
@@ -6815,7 +6772,7 @@ static void spsi_face_box(const spsi_faces *faces, int index, const spsi_rays *r
     }
 }
 
-/* The exact sign of an edge's value; 0 where the edge is seen end-on, since its triangle is then seen edge-on. */
+/* Exact sign of an edge function; 0 if the edge is seen end-on. */
 static int spsi_edge_sign(const double from[3], const double to[3], double x, double y) {
     double a[2], b[2];
     a[0] = spsi_multiply_add(-x, from[2], from[0]);
@@ -6828,7 +6785,7 @@ static int spsi_edge_sign(const double from[3], const double to[3], double x, do
     return sign;
 }
 
-/* Whether all edges between three corners have the same exact sign: `side`, unless that is 0. */
+/* True if all edges have the same exact sign, `side` unless 0. */
 static int spsi_face_hit_exactly(const double corner[3][3], int side, double x, double y) {
     for (int i = 0; i < 3; ++i) {
         const int sign = spsi_edge_sign(corner[i], corner[(i + 1) % 3], x, y);
@@ -6838,8 +6795,7 @@ static int spsi_face_hit_exactly(const double corner[3][3], int side, double x, 
     return 1;
 }
 
-/* Barycentric weights of the point where a pixel's ray hits the triangle; returns 0 if it misses. A triangle seen
-   nearly edge-on may be hit behind the eye. */
+/* Barycentric weights of a pixel's hit; 0 if missed. Nearly edge-on triangles may be hit behind the eye. */
 static inline int spsi_face_hit(const spsi_edges *e, double x, double y, double weights[3]) {
     double sum = 0;
     int certain = 1;
@@ -6851,14 +6807,14 @@ static inline int spsi_face_hit(const spsi_edges *e, double x, double y, double 
         sum += weights[i];
     }
     if (!certain && !spsi_face_hit_exactly(e->corner, e->side, x, y)) return 0;
-    if (!(sum > 0)) weights[0] = weights[1] = weights[2] = 1, sum = 3; /* the ray lies in its plane: any point of it */
+    if (!(sum > 0)) weights[0] = weights[1] = weights[2] = 1, sum = 3; /* ray in the plane: any point will do */
     for (int i = 0; i < 3; ++i) weights[i] /= sum;
     return 1;
 }
 
-/* Narrows x0 .. x1 to the pixels of row y whose rays may hit the triangle, plus at most one at each end. */
+/* Narrows x0 .. x1 to possible hits in row y, with up to one extra pixel per end. */
 static void spsi_face_span(const spsi_edges *e, int y, int *x0, int *x1) {
-    for (int i = 0; i < 3 && *x1 - *x0 > 8; ++i) { /* for fewer, testing pixels is cheaper than dividing */
+    for (int i = 0; i < 3 && *x1 - *x0 > 8; ++i) { /* otherwise testing is cheaper than dividing */
         const double slope = e->edge[i][0], value = e->edge[i][1] * y + e->edge[i][2] + e->rounding[i];
         if (slope > 0) *x0 = (int)spsi_dmin(spsi_dmax(*x0, -value / slope - 1), *x1 + 1);
         if (slope < 0) *x1 = (int)spsi_dmax(spsi_dmin(*x1, -value / slope + 1), *x0 - 1);
@@ -6869,11 +6825,11 @@ typedef struct spsi_raster {
     const spsi_faces *faces;
     const spsi_rays *rays;
     int *boxes;     /* four per face */
-    spsi_hit *hits; /* per pixel of the eye; NULL for a light */
-    float *depths;  /* per texel of a light: depth of the nearest triangle; NULL for the eye */
-    int *numbers;   /* per texel of a light: number of the nearest triangle, -1: none */
-    int pitch;      /* pixels from one row to the next */
-    int first_row;  /* that the lists above begin with */
+    spsi_hit *hits; /* eye's pixels; NULL for a light */
+    float *depths;  /* nearest depth per light texel; NULL for the eye */
+    int *numbers;   /* face per light texel; -1: none */
+    int pitch;      /* row pitch in pixels */
+    int first_row;  /* first row of these arrays */
 } spsi_raster;
 
 static void spsi_raster_box_task(void *data, int i) {
@@ -6881,15 +6837,14 @@ static void spsi_raster_box_task(void *data, int i) {
     spsi_face_box(raster->faces, i, raster->rays, raster->boxes + 4 * i);
 }
 
-/* Depth and barycentric weights of the point where a pixel's ray hits a face; returns 0 if it misses, or before the
-   near plane. */
+/* Depth and weights at a pixel; 0 if missed or before the near plane. */
 static inline int spsi_face_depth(const spsi_edges *e, const spsi_rays *rays, int x, int y, double w[3], double *t) {
     if (!spsi_face_hit(e, x, y, w)) return 0;
     *t = w[0] * e->depth[0] + w[1] * e->depth[1] + w[2] * e->depth[2];
     return *t + rays->depth_reference > rays->near_depth;
 }
 
-/* Stores what a pixel sees of a face, unless another is nearer. */
+/* Stores a hit unless a nearer one is stored. */
 static inline void spsi_raster_store(const spsi_raster *raster, size_t at, int face, float depth, float w1, float w2) {
     if (raster->depths) {
         if (!(depth < raster->depths[at])) return;
@@ -6901,7 +6856,7 @@ static inline void spsi_raster_store(const spsi_raster *raster, size_t at, int f
     }
 }
 
-/* Whether the rays of a vector of pixels certainly hit a face, as those at its ends do: edge functions are linear. */
+/* True if a whole vector of pixels hits. Edge functions are linear, so its ends decide. */
 static inline int spsi_face_holds(const spsi_edges *e, int x, int y) {
     int held = 1;
     for (int i = 0; i < 3; ++i) {
@@ -6912,7 +6867,7 @@ static inline int spsi_face_holds(const spsi_edges *e, int x, int y) {
     return held;
 }
 
-/* Rasterises a face at a vector of pixels whose rays hit it, as spsi_face_depth does. */
+/* Rasterises a vector of pixels that all hit. */
 static inline void spsi_raster_vector(const spsi_raster *raster, const spsi_edges *e, int face, int x, int y,
                                       size_t at) {
     const double reference = raster->rays->depth_reference, begin = raster->rays->near_depth;
@@ -6934,7 +6889,7 @@ static inline void spsi_raster_vector(const spsi_raster *raster, const spsi_edge
             spsi_raster_store(raster, at + (size_t)n, face, depth[n], weights[0][n], weights[1][n]);
 }
 
-/* Rasterises an opaque face. */
+/* Opaque faces only. */
 static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1) {
     const int *box = raster->boxes + 4 * face;
     spsi_edges e;
@@ -6956,13 +6911,13 @@ static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1
     }
 }
 
-/* Whether a face may reach into rows y0 to y1. */
+/* True if a face's box reaches rows y0 to y1. */
 static inline int spsi_raster_reaches(const spsi_raster *raster, int face, int y0, int y1) {
     const int *box = raster->boxes + 4 * face;
     return box[2] >= box[0] && box[1] <= y1 && box[3] >= y0;
 }
 
-/* Clears rows, then rasterises every opaque face that reaches into them, in order. */
+/* Clears rows, then rasterises opaque faces in order. */
 static void spsi_raster_rows(const spsi_raster *raster, int y0, int y1) {
     const spsi_hit nothing = {SPSI_INFINITY, -1, {0, 0}};
     const size_t first = (size_t)(y0 - raster->first_row) * (size_t)raster->pitch;
@@ -6982,7 +6937,7 @@ static void spsi_raster_band_task(void *data, int index) {
     spsi_raster_rows(raster, y0, spsi_imin(raster->rays->height, y0 + SPSI_TILE_HEIGHT) - 1);
 }
 
-/* Prepares to rasterise faces. */
+/* Computes the faces' pixel boxes. */
 SPSI_COLD spsi_raster spsi_raster_begin(sps_context *context, const spsi_faces *faces, const spsi_rays *rays,
                                         spsi_hit *hits, float *depths, int *numbers) {
     int *boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
@@ -6991,7 +6946,7 @@ SPSI_COLD spsi_raster spsi_raster_begin(sps_context *context, const spsi_faces *
     return raster;
 }
 
-/* Rasterises all opaque faces: for the eye into `hits`, for a light into `depths` and `numbers`. */
+/* Rasterises opaque faces: `hits` for the eye, `depths` and `numbers` for a light. */
 SPSI_COLD void spsi_rasterise(sps_context *context, const spsi_faces *faces, const spsi_rays *rays, spsi_hit *hits,
                               float *depths, int *numbers) {
     spsi_raster raster = spsi_raster_begin(context, faces, rays, hits, depths, numbers);
@@ -7000,19 +6955,19 @@ SPSI_COLD void spsi_rasterise(sps_context *context, const spsi_faces *faces, con
 
 /* --- the surface at a pixel --- */
 
-/* The point of a polygon that one pixel's ray hits. */
+/* The hit point of a pixel's ray. */
 typedef struct spsi_surface {
     double point[3];
-    double start[3];  /* origin of rays to lights: off the facet where the mesh is smooth */
-    double normal[3]; /* for shading, turned towards the eye, not normalised */
-    double pixel;     /* world size of a pixel there */
+    double start[3];  /* origin of shadow rays: above the facet of a smooth mesh */
+    double normal[3]; /* shading normal towards the eye, not normalised */
+    double pixel;     /* pixel size in world units */
 } spsi_surface;
 
-/* The point of the face's plane on a pixel's ray; where the ray grazes the plane, the rasterised point projected onto
-   it. The rasteriser's float depth alone is too coarse: in grazing light the point would lie behind the plane. */
+/* Intersects a pixel's ray with the face's plane; projects the rasterised point onto it if the ray grazes. A float
+   depth would put points behind the plane in grazing light. */
 static void spsi_surface_place(const spsi_face *face, const double plane[3], const double ray[3],
                                const double rasterised[3], double point[3]) {
-    const double facing = spsi_dot(plane, ray), grazing = 1e-16; /* squared cosine below which a float is better */
+    const double facing = spsi_dot(plane, ray), grazing = 1e-16; /* squared cosine below which the float is better */
     double offset[3], way;
     spsi_along(face->position[0], rasterised, -1, offset);
     way = spsi_dot(plane, offset);
@@ -7022,21 +6977,20 @@ static void spsi_surface_place(const spsi_face *face, const double plane[3], con
         spsi_along(rasterised, plane, way / spsi_dot(plane, plane), point);
 }
 
-/* A vector of points by component, so that compilers make vectors of loops over them. Lanes without a point repeat
-   another one. */
+/* A vector of points by component, for automatic vectorisation. Unused lanes repeat a used one. */
 typedef struct spsi_points {
-    int lanes; /* bit mask of those that hold a point */
+    int lanes; /* mask of used lanes */
     double at[3][SPSI_LANES];
 } spsi_points;
 
-/* A vector of rays that meet faces, likewise. */
+/* A vector of rays that hit faces, likewise. */
 typedef struct spsi_intersections {
     int lanes;
     double x[SPSI_LANES], y[SPSI_LANES], t[SPSI_LANES]; /* as rasterised */
-    double corner[3][SPSI_LANES], plane[3][SPSI_LANES]; /* of the faces: their first corners, and their normals */
+    double corner[3][SPSI_LANES], plane[3][SPSI_LANES]; /* first corners and normals of the faces */
 } spsi_intersections;
 
-/* Fills the lanes that hold none with another one. */
+/* Fills unused lanes. */
 static void spsi_intersections_fill(spsi_intersections *m) {
     const int from = spsi_lowest_bit(m->lanes);
     for (int n = 0; n < SPSI_LANES; ++n) {
@@ -7046,7 +7000,7 @@ static void spsi_intersections_fill(spsi_intersections *m) {
     }
 }
 
-/* The same as spsi_surface_place, to the bit. `facing`: the planes' normals times the rays. */
+/* Vector version of spsi_surface_place, bit for bit. facing: plane normal . ray. */
 static void spsi_intersections_hit(const spsi_rays *eye, const spsi_intersections *m, spsi_points *points,
                                    double facing[SPSI_LANES]) {
     const double grazing = 1e-16, turned = eye->perspective ? 1 : 0, moved = 1 - turned;
@@ -7075,12 +7029,11 @@ static void spsi_intersections_hit(const spsi_rays *eye, const spsi_intersection
     points->lanes = m->lanes;
 }
 
-/* Origin of rays to lights on a mesh with normals of its own: raised from the facet to the surface that the normals
-   describe, so that neighbouring facets do not shadow what shading shows as lit [Hanika 2021, "Hacking the Shadow
-   Terminator"]. Round-off in a flat mesh's normals raises nothing. */
+/* Raises the shadow ray's origin from the facet to the smooth surface, so that neighbouring facets do not shadow lit
+   shading [Hanika 2021, "Hacking the Shadow Terminator"]. Tolerates round-off in the normals of flat meshes. */
 static void spsi_surface_raise(const spsi_face *face, const double weights[3], const double plane[3], int turned,
                                spsi_surface *surface) {
-    const double side = turned ? -1 : 1; /* the side of the plane that the eye is on */
+    const double side = turned ? -1 : 1; /* side of the eye */
     for (int corner = 0; corner < 3; ++corner) {
         double normal[3], offset[3], below, room = 0;
         for (int i = 0; i < 3; ++i) {
@@ -7095,7 +7048,6 @@ static void spsi_surface_raise(const spsi_face *face, const double weights[3], c
     }
 }
 
-/* Weights of a face's corners at a hit. */
 static void spsi_hit_weights(const spsi_hit *hit, double weights[3]) {
     weights[0] = 1.0 - (double)hit->weights[0] - (double)hit->weights[1];
     weights[1] = (double)hit->weights[0];
@@ -7107,7 +7059,7 @@ static int spsi_face_is_flat(const spsi_face *face) {
            memcmp(face->normal[0], face->normal[2], sizeof face->normal[0]) == 0;
 }
 
-/* The normal at a hit of a face that is not flat, not normalised. `plane`: the face's own. */
+/* Interpolated normal of a face that is not flat, not normalised. plane: facet normal. */
 static void spsi_face_normal(const spsi_face *face, const spsi_hit *hit, const double plane[3], double normal[3]) {
     double w[3];
     spsi_hit_weights(hit, w);
@@ -7117,7 +7069,7 @@ static void spsi_face_normal(const spsi_face *face, const spsi_hit *hit, const d
     if (!(spsi_dot(normal, normal) > 0)) memcpy(normal, plane, 3 * sizeof *plane);
 }
 
-/* Sets the normal and the start of shadow rays at surface->point, which a ray meets. `plane`: the face's normal. */
+/* Sets normal and shadow ray origin at surface->point. plane: facet normal. */
 static void spsi_surface_face(const spsi_face *face, const spsi_hit *hit, const double plane[3], const double ray[3],
                               spsi_surface *surface) {
     const int turned = spsi_dot(plane, ray) > 0;
@@ -7145,7 +7097,7 @@ static void spsi_surface_at(const spsi_rays *eye, const spsi_faces *faces, const
     spsi_surface_face(face, hit, plane, ray, surface);
 }
 
-/* Reflectance of a face by itself. Where corners have the same color, so has the face, to the bit. */
+/* Interpolated color without shade_fn. Equal corners give exactly their color. */
 static void spsi_face_color(const spsi_face *face, const spsi_hit *hit, double color[3]) {
     for (int c = 0; c < 3; ++c) {
         const double first = (double)face->color[0][c];
@@ -7154,63 +7106,61 @@ static void spsi_face_color(const spsi_face *face, const spsi_hit *hit, double c
     }
 }
 
-/* The mesh that a face belongs to. */
 static int spsi_mesh_of(const spsi_frame *frame, const spsi_faces *faces, int face) {
     return spsi_list_of(&faces->meshes->end, (int)(sizeof *faces->meshes / sizeof(int)), frame->meshes.count, face);
 }
 
 /* ============================================================================================== >>layers
-   13 What a pixel shows besides one opaque polygon: translucent ones in front of it, and where edges are sampled, the
-   polygons on both sides of an edge. Each is a fragment with a mask of the samples that see it [Carpenter 1984].
-   Fragments become layers by following every sample's light past them, from the eye on:
-       seen   = mean over samples of (mask) * (transmittance before),   what of its radiance the pixel shows
-       behind = mean over samples of (transmittance behind),            what of anything behind it
-   so that shading, which knows nothing of samples, composites gas and layers in order of depth. Gas is not sampled: it
-   lies before or behind a layer as a whole. Cost: translucent faces, or all at N x N times the pixels where edges are
-   sampled, are rasterised twice, to count fragments and to list them; 16 bytes per fragment, 56 per layer. */
+   13 Layers: translucent polygons, and polygons on both sides of antialiased edges. Each is a fragment with a coverage
+   mask of samples [Carpenter 1984]. Following every sample front to back turns fragments into layers:
+       seen   = mean over samples of (mask) * (transmittance before),   weight of its radiance
+       behind = mean over samples of (transmittance behind),            weight of anything behind it
+   Shading then composites media and layers by depth without samples; media lie wholly before or behind a layer. Cost:
+   translucent faces, or all faces at N x N resolution with edge sampling, are rasterised twice, to count and to list.
+   16 bytes per fragment, 56 per layer. */
 
 typedef struct spsi_fragment {
-    uint64_t mask; /* bits: samples, in rows */
-    float depth;   /* their mean, t - depth_reference */
-    int face;      /* that the sample in their middle sees */
+    uint64_t mask; /* bit per sample, in rows */
+    float depth;   /* mean, t - depth_reference */
+    int face;      /* face at the middle sample */
 } spsi_fragment;
 
 typedef struct spsi_layer {
-    spsi_hit hit;    /* its depth is the mean of what it covers */
-    float at[2];     /* where it is shaded, from the pixel's centre, in pixels */
-    float seen[3];   /* share of its radiance that the pixel shows, where there is no gas */
-    float behind[3]; /* the same of anything behind it, and behind all layers in front of it */
-    float covered;   /* share of what is behind that it covers: a mean of colors */
+    spsi_hit hit;    /* depth: mean, weighted by coverage */
+    float at[2];     /* shading point, in pixels from the centre */
+    float seen[3];   /* weight of its radiance, without media */
+    float behind[3]; /* transmittance up to and including it */
+    float covered;   /* mean opacity that the pixel gains by it */
     uint32_t pixel;
 } spsi_layer;
 
-/* Layers of all pixels, in order of depth. */
+/* Layers of all pixels, by depth. */
 typedef struct spsi_layers {
-    const uint32_t *first; /* of a pixel's; those of the next pixel follow them. NULL: there are none */
+    const uint32_t *first; /* first layer of each pixel and end; NULL: no layers */
     const spsi_layer *list;
     size_t count;
 } spsi_layers;
 
-#define SPSI_LAYER_ROWS 8 /* rows of pixels of a task */
+#define SPSI_LAYER_ROWS 8 /* rows of pixels per task */
 
-/* A worker's scratch memory: the samples of a band. */
+/* A worker's memory: samples of a band. */
 typedef struct spsi_layer_scratch {
-    float *depths;   /* of the nearest opaque face */
+    float *depths;   /* nearest opaque face */
     int *numbers;    /* its number */
-    uint64_t *masks; /* per pixel of a row: samples that see one face */
-    double *sums;    /* of these samples' depths */
+    uint64_t *masks; /* per pixel of a row: samples that see a face */
+    double *sums;    /* sums of their depths */
 } spsi_layer_scratch;
 
 typedef struct spsi_layers_job {
     const spsi_frame *frame;
     const spsi_faces *faces;
-    const spsi_rays *rays; /* of pixels */
-    spsi_rays fine;        /* of their samples */
+    const spsi_rays *rays; /* rays of pixels */
+    spsi_rays fine;        /* rays of samples */
     spsi_raster raster;    /* of the fine rays */
-    int samples;           /* along a side of a pixel */
-    spsi_hit *hits;        /* opaque faces at pixels' centres, which hide what is behind; NULL: nothing does */
-    char *scratch;         /* of all workers */
-    uint32_t *first;       /* number of fragments, then where they begin; see spsi_fragment_add */
+    int samples;           /* per side of a pixel */
+    spsi_hit *hits;        /* opaque faces at pixel centres; NULL: none */
+    char *scratch;         /* all workers' memory */
+    uint32_t *first;       /* fragment counts, then starts: see spsi_fragment_add */
     spsi_fragment *fragments;
     spsi_layer *layers;
     int listing; /* 0: counts fragments, 1: lists them */
@@ -7231,8 +7181,8 @@ static void spsi_layer_scratch_of(const spsi_layers_job *job, int worker, spsi_l
     scratch->numbers = (int *)(void *)(scratch->depths + fine);
 }
 
-/* Counts a fragment of a pixel, or lists it. Entry p + 2 counts the fragments of pixel p; summed up, entry p + 1 is
-   where they begin, and where they end once they are listed. */
+/* Counts or lists a fragment. Entry p + 2 counts pixel p's fragments; after the prefix sum, entry p + 1 is their start,
+   and their end once listed. */
 static void spsi_fragment_add(const spsi_layers_job *job, size_t pixel, const spsi_fragment *fragment) {
     if (job->listing)
         job->fragments[job->first[pixel + 1]++] = *fragment;
@@ -7240,12 +7190,12 @@ static void spsi_fragment_add(const spsi_layers_job *job, size_t pixel, const sp
         job->first[pixel + 2] += 1;
 }
 
-/* Index of a sample in the scratch of its band of rows. */
+/* Index of a sample in its band. */
 static size_t spsi_sample_index(const spsi_layers_job *job, int x, int y) {
     return (size_t)(y % (job->samples * SPSI_LAYER_ROWS)) * (size_t)job->fine.width + (size_t)x;
 }
 
-/* The sample among those of a mask that is nearest to their mean. */
+/* Sample of a mask nearest to its centroid. */
 static int spsi_mask_middle(uint64_t mask, int samples) {
     int sum[2] = {0, 0}, count = 0, least = 0x7fffffff, best = 0;
     for (int i = 0; i < samples * samples; ++i)
@@ -7261,7 +7211,7 @@ static int spsi_mask_middle(uint64_t mask, int samples) {
 
 /* --- fragments of translucent faces --- */
 
-/* Adds the samples of one row that see a face to the masks. `seen` receives the range of its pixels. */
+/* Adds one row of samples to the masks. seen: range of covered pixels. */
 static void spsi_translucent_row(const spsi_layers_job *job, const spsi_layer_scratch *scratch, const spsi_edges *e,
                                  int face, int y, int seen[2]) {
     const int n = job->samples, *box = job->raster.boxes + 4 * face, width = job->fine.width;
@@ -7299,19 +7249,18 @@ static void spsi_translucent_fragments(const spsi_layers_job *job, const spsi_la
 
 /* --- fragments of opaque faces, where edges are sampled --- */
 
-/* One of the opaque surfaces that a pixel's samples see: faces that look alike there. */
+/* Samples that can be shaded as one surface. */
 typedef struct spsi_group {
     uint64_t mask;
-    int face; /* of the first that was found */
+    int face; /* first face found */
     spsi_surface surface;
     double color[3];
 } spsi_group;
 
-#define SPSI_GROUP_COSINE 0.97       /* of the angle between normals: 14 degrees */
-#define SPSI_GROUP_COLOR  (1 / 64.0) /* difference of colors */
-#define SPSI_GROUP_DEPTH  0.5        /* of a pixel's size: distance from the plane, along the ray */
+#define SPSI_GROUP_COSINE 0.97       /* normals within 14 degrees */
+#define SPSI_GROUP_COLOR  (1 / 64.0) /* color difference */
+#define SPSI_GROUP_DEPTH  0.5        /* distance from the plane along the ray, in pixels */
 
-/* Describes the surface at a hit. */
 static void spsi_group_look(const spsi_layers_job *job, const spsi_rays *rays, const spsi_hit *hit, int x, int y,
                             spsi_group *group) {
     spsi_surface_at(rays, job->faces, hit, x, y, &group->surface);
@@ -7320,7 +7269,7 @@ static void spsi_group_look(const spsi_layers_job *job, const spsi_rays *rays, c
     group->face = hit->face;
 }
 
-/* Describes what one sample sees. */
+/* Starts a group from one sample. */
 static void spsi_group_begin(const spsi_layers_job *job, int face, float depth, int x, int y, spsi_group *group) {
     spsi_edges e;
     double w[3] = {1, 0, 0};
@@ -7331,7 +7280,7 @@ static void spsi_group_begin(const spsi_layers_job *job, int face, float depth, 
     group->mask = 0;
 }
 
-/* Whether shading one of two samples stands for both: they lie on one surface, and look alike. */
+/* True if shading one sample can stand for both: one surface, similar appearance. */
 static int spsi_groups_agree(const spsi_layers_job *job, const spsi_group *a, const spsi_group *b) {
     const spsi_face *face = &job->faces->list[a->face];
     double plane[3], offset[3], size;
@@ -7348,7 +7297,7 @@ static int spsi_groups_agree(const spsi_layers_job *job, const spsi_group *a, co
     return fabs(spsi_dot(plane, offset)) <= size * spsi_length(plane);
 }
 
-/* Sorts the samples of a pixel into groups. Returns their number. */
+/* Groups a pixel's samples. Returns their number. */
 static int spsi_groups_of(const spsi_layers_job *job, const spsi_layer_scratch *scratch, int x, int y,
                           spsi_group *groups) {
     const int n = job->samples;
@@ -7370,7 +7319,7 @@ static int spsi_groups_of(const spsi_layers_job *job, const spsi_layer_scratch *
     return count;
 }
 
-/* Whether one group is all of a pixel and looks like what its centre sees: then that alone is shaded. */
+/* True if one group covers the pixel and matches its centre, which is then shaded alone. */
 static int spsi_group_is_all(const spsi_layers_job *job, const spsi_group *group, int x, int y) {
     const int n = job->samples;
     const spsi_hit *hit = &job->hits[(size_t)y * (size_t)job->rays->width + (size_t)x];
@@ -7382,7 +7331,7 @@ static int spsi_group_is_all(const spsi_layers_job *job, const spsi_group *group
     return spsi_groups_agree(job, group, &centre);
 }
 
-/* Adds a group's fragment. Its place is the sample in the middle of it. */
+/* Adds a group's fragment with the face of its middle sample. */
 static void spsi_group_add(const spsi_layers_job *job, const spsi_layer_scratch *scratch, const spsi_group *group,
                            int x, int y, float *deepest) {
     const int n = job->samples, middle = spsi_mask_middle(group->mask, n);
@@ -7398,7 +7347,7 @@ static void spsi_group_add(const spsi_layers_job *job, const spsi_layer_scratch 
     spsi_fragment_add(job, (size_t)y * (size_t)job->rays->width + (size_t)x, &fragment);
 }
 
-/* Whether all samples of a pixel see the face that its centre sees, or all of them nothing. */
+/* True if all samples see the same face as the centre, or all see none. */
 static int spsi_pixel_is_even(const spsi_layers_job *job, const spsi_layer_scratch *scratch, int face, int x, int y) {
     const int n = job->samples;
     for (int i = 0; i < n * n; ++i)
@@ -7406,8 +7355,8 @@ static int spsi_pixel_is_even(const spsi_layers_job *job, const spsi_layer_scrat
     return 1;
 }
 
-/* Adds the opaque fragments of a pixel, unless it shows one surface. Once they are listed, the pixel's hit is no
-   surface, but ends gas where no sample sees past the deepest of them. */
+/* Adds a pixel's opaque fragments unless it shows one surface. Once listed, its hit has no face: its depth ends media
+   behind the deepest fragment if no sample is open. */
 static void spsi_edge_fragments(const spsi_layers_job *job, const spsi_layer_scratch *scratch, int x, int y) {
     const int n = job->samples;
     spsi_hit *hit = &job->hits[(size_t)y * (size_t)job->rays->width + (size_t)x];
@@ -7428,7 +7377,7 @@ static void spsi_edge_fragments(const spsi_layers_job *job, const spsi_layer_scr
 
 /* --- from fragments to layers --- */
 
-/* Counts or lists the fragments of a band of pixels. */
+/* Counts or lists the fragments of a band. */
 static void spsi_layers_task(void *data, int index, int worker) {
     const spsi_layers_job *job = (const spsi_layers_job *)data;
     const spsi_rays *eye = job->rays;
@@ -7453,7 +7402,7 @@ static void spsi_layers_task(void *data, int index, int worker) {
         for (int x = 0; x < eye->width; ++x) spsi_edge_fragments(job, &scratch, x, y);
 }
 
-/* Sorts a pixel's fragments by depth, those of equal depth by face. [Shell 1959] */
+/* Sorts fragments by depth, then by face. [Shell 1959] */
 static void spsi_fragments_sort(spsi_fragment *list, uint32_t count) {
     for (uint32_t gap = count > 16 ? count / 3 : 1; gap > 0; gap = gap > 2 ? gap * 4 / 10 : gap - 1)
         for (uint32_t i = gap; i < count; ++i) {
@@ -7467,8 +7416,8 @@ static void spsi_fragments_sort(spsi_fragment *list, uint32_t count) {
         }
 }
 
-/* Describes a layer in the middle of its samples, which is where light on it is closest to its mean; if that is on
-   another face, at the sample nearest to it. */
+/* Shades a layer at the centroid of its samples, where light is closest to its mean; if that misses the face, at the
+   nearest sample. */
 static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fragment, uint32_t pixel,
                              spsi_layer *layer) {
     const int n = job->samples, x = (int)(pixel % (uint32_t)job->rays->width) * n;
@@ -7493,16 +7442,16 @@ static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fr
     layer->pixel = pixel;
 }
 
-#define SPSI_LAYERS_ORDERED 16 /* fragments of a pixel that each sample puts in order by itself */
+#define SPSI_LAYERS_ORDERED 16 /* maximum fragments that each sample sorts itself */
 
-/* The fragments of a pixel, and their depth where each sample sees them. */
+/* A pixel's fragments, with depths per sample. */
 typedef struct spsi_stack {
     const spsi_fragment *list;
     int count, translucent[SPSI_LAYERS_ORDERED];
     float depths[SPSI_LAYERS_ORDERED][SPSI_COVERAGE_MAX * SPSI_COVERAGE_MAX];
 } spsi_stack;
 
-/* Depth at which a sample's ray meets a face's plane, clamped to the depths of the face's corners. */
+/* Depth of a sample's ray on a face's plane, clamped to the corners' depths. */
 static float spsi_fragment_depth(const spsi_layers_job *job, const spsi_edges *e, const spsi_face *face, int x, int y) {
     double plane[3], ray[3], start[3], t;
     spsi_face_plane(face, plane);
@@ -7514,7 +7463,6 @@ static float spsi_fragment_depth(const spsi_layers_job *job, const spsi_edges *e
     return (float)spsi_dmin(t, spsi_dmax(e->depth[0], spsi_dmax(e->depth[1], e->depth[2])));
 }
 
-/* Finds these depths. */
 static void spsi_stack_build(const spsi_layers_job *job, uint32_t pixel, spsi_stack *stack) {
     const int n = job->samples, width = job->rays->width;
     const int x = (int)(pixel % (uint32_t)width) * n, y = (int)(pixel / (uint32_t)width) * n;
@@ -7529,13 +7477,13 @@ static void spsi_stack_build(const spsi_layers_job *job, uint32_t pixel, spsi_st
     }
 }
 
-/* Whether a sample sees one fragment before another. Nothing behind an opaque one has become a fragment. */
+/* True if a sample sees a before b. Opaque fragments are last: nothing behind them is listed. */
 static int spsi_stack_before(const spsi_stack *stack, int a, int b, int sample) {
     if (!stack->translucent[a] || !stack->translucent[b]) return stack->translucent[a] > stack->translucent[b];
     return stack->depths[a][sample] < stack->depths[b][sample];
 }
 
-/* The fragments that a sample sees, nearest first. Returns their number. */
+/* Sorts a sample's fragments, nearest first. Returns their number. */
 static int spsi_stack_of_sample(const spsi_stack *stack, int sample, int order[SPSI_LAYERS_ORDERED]) {
     int count = 0;
     for (int i = 0; i < stack->count; ++i) {
@@ -7548,7 +7496,7 @@ static int spsi_stack_of_sample(const spsi_stack *stack, int sample, int order[S
     return count;
 }
 
-/* Lets a sample's light pass a layer, at a depth. */
+/* Attenuates a sample by a layer at a depth. */
 static void spsi_layer_pass(const spsi_layers_job *job, const spsi_fragment *fragment, float depth, float through[3],
                             spsi_layer *layer) {
     const float *passes = job->faces->list[fragment->face].transmittance;
@@ -7558,12 +7506,11 @@ static void spsi_layer_pass(const spsi_layers_job *job, const spsi_fragment *fra
         covered += through[c] * (1 - passes[c]);
         through[c] *= passes[c];
     }
-    layer->covered += covered; /* its depth is the mean so far, weighted by what is covered */
+    layer->covered += covered; /* running mean of depth, weighted by coverage */
     layer->hit.depth += layer->covered > 0 ? covered / layer->covered * (depth - layer->hit.depth) : 0;
 }
 
-/* Follows the light of every sample of a pixel past its fragments, in the sample's own order or, if they are many, in
-   that of the pixel. */
+/* Follows every sample front to back, in its own order; if fragments are many, in the pixel's. */
 static void spsi_layers_follow(const spsi_layers_job *job, const spsi_stack *stack, spsi_layer *layers) {
     for (int k = 0; k < job->samples * job->samples; ++k) {
         float through[3] = {1, 1, 1};
@@ -7583,7 +7530,7 @@ static void spsi_layers_follow(const spsi_layers_job *job, const spsi_stack *sta
     }
 }
 
-/* What a pixel's layers let pass, up to each of them. Turns sums into means. */
+/* Accumulates transmittance behind each layer, and turns sums into means. */
 static void spsi_layers_accumulate(const spsi_layers_job *job, const spsi_stack *stack, spsi_layer *layers) {
     const int samples = job->samples * job->samples;
     float through[3][SPSI_COVERAGE_MAX * SPSI_COVERAGE_MAX];
@@ -7620,12 +7567,12 @@ static void spsi_layers_resolve_task(void *data, int pixel) {
     spsi_layers_accumulate(job, &stack, job->layers + first);
 }
 
-/* Whether pixels may show more than one polygon. */
+/* True if pixels may show several polygons. */
 SPSI_COLD int spsi_has_layers(const spsi_frame *frame) {
     return frame->meshes.triangle_count > 0 && (frame->meshes.translucent || frame->view.coverage_samples > 1);
 }
 
-/* Counts the fragments of all pixels, or lists those that have been counted. Boxes of faces may be others' since. */
+/* Counts fragments, or lists them. Pixel boxes are recomputed: others may have used the buffer. */
 static void spsi_fragments_pass(sps_context *context, spsi_layers_job *job, int listing) {
     const int bands = (job->rays->height + SPSI_LAYER_ROWS - 1) / SPSI_LAYER_ROWS;
     if (!listing) memset(job->first, 0, (spsi_ray_count(job->rays) + 2) * sizeof *job->first);
@@ -7634,15 +7581,14 @@ static void spsi_fragments_pass(sps_context *context, spsi_layers_job *job, int 
     spsi_parallel(context, bands, spsi_layers_task, job);
 }
 
-/* Counts the fragments of all pixels. Their number may be SIZE_MAX, which cannot be reserved. */
+/* Returns SIZE_MAX if there are too many to reserve. */
 SPSI_COLD size_t spsi_fragments_count(sps_context *context, spsi_layers_job *job) {
     spsi_fragments_pass(context, job, 0);
     const uint64_t sum = spsi_running_sums(job->first + 2, spsi_ray_count(job->rays));
     return sum <= UINT32_MAX ? (size_t)sum : SIZE_MAX;
 }
 
-/* Finds the layers of all pixels. Where edges are sampled, hits of pixels that show several polygons become ends of
-   gas. */
+/* Finds the layers of all pixels. With edge sampling, hits of mixed pixels only limit media. */
 SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                        spsi_hit *hits, spsi_layers *layers) {
     const spsi_rays *eye = &frame->content->eye;
@@ -7661,7 +7607,7 @@ SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *f
     job.scratch = (char *)spsi_reserve(context, SPSI_BUFFER_LAYER_SAMPLES, (size_t)spsi_worker_count(context),
                                        spsi_layer_scratch_bytes(eye, job.samples));
     job.first = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_LAYER_STARTS, spsi_ray_count(eye) + 2, sizeof *job.first);
-    if (!job.scratch || !job.first) return context->result; /* what follows is as large as what is seen: not planned */
+    if (!job.scratch || !job.first) return context->result; /* sizes below depend on visibility: not planned */
     layers->count = spsi_fragments_count(context, &job);
     job.fragments = (spsi_fragment *)spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, layers->count, sizeof *job.fragments);
     job.layers = (spsi_layer *)spsi_reserve(context, SPSI_BUFFER_LAYERS, layers->count, sizeof *job.layers);
@@ -7675,34 +7621,32 @@ SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *f
 }
 
 /* ============================================================================================ >>surfaces
-   14 Where the eye sees surfaces, what they look like, and how rays towards lights find what shades them. Their shadows
-   on each other are exact: one ray per place through a tree of triangles, with neither texels nor a bias; none where a
-   tile of the image shows a few flat polygons, and no triangle can be between these and the light. Translucent
-   triangles filter the ray, by color. Gas is shaded by depth maps, which are rasterised like the eye's image,
-   >>depthmaps. Cost: the tree's height per place and light. */
+   14 Visible surfaces: their appearance, and shadow rays. Shadows between polygons are exact: one ray per point and
+   light through a tree of triangles, without texels or bias. Rays are skipped if a tile shows a few flat polygons and
+   nothing can lie between them and the light. Translucent triangles filter rays by color. Media use depth maps instead,
+   >>depthmaps. Cost: tree height per point and light. */
 
-/* --- appearance of surfaces: what shade_fn sets --- */
+/* --- appearance of surfaces: shade_fn --- */
 
-/* Color and emission of a face where a pixel meets it. */
 typedef struct spsi_appearance {
     double color[3];
     float emission[3];
 } spsi_appearance;
 
-/* A place where a pixel shows a polygon: what its ray hits, or one of its layers. */
+/* A polygon point to shade: a pixel's hit, or one of its layers. */
 typedef struct spsi_shading_point {
     const spsi_hit *hit;
-    int x, y;     /* the pixel */
-    double at[2]; /* x and y of the ray */
-    size_t index; /* the pixel's, or the number of pixels plus the layer's */
+    int x, y;     /* pixel */
+    double at[2]; /* exact ray */
+    size_t index; /* pixel number, or pixel count plus layer number */
 } spsi_shading_point;
 
 /* The polygons that the eye sees. */
 typedef struct spsi_visible {
-    const spsi_hit *hits; /* of the whole image; NULL: no polygons */
+    const spsi_hit *hits; /* whole image; NULL: no polygons */
     spsi_layers layers;
-    const sps_surface *set; /* what shade_fn has set at the region's pixels and all layers; NULL: no mesh has one */
-    const float *received;  /* per pixel and channel, from cells and by flights, >>shading; NULL: no cells */
+    const sps_surface *set; /* shade_fn's results for the region's pixels and all layers; NULL: no shade_fn */
+    const float *received;  /* irradiance from cells and flights, per pixel and channel, >>shading; NULL: no cells */
 } spsi_visible;
 
 static void spsi_shading_point_of_pixel(const spsi_frame *frame, const spsi_visible *visible, int x, int y,
@@ -7722,7 +7666,7 @@ static void spsi_shading_point_of_layer(const spsi_frame *frame, const spsi_visi
     *place = found;
 }
 
-/* Number of places that a frame may have. */
+/* Maximum number of shading points. */
 SPSI_COLD size_t spsi_shading_point_count(const spsi_frame *frame, const spsi_visible *visible) {
     return spsi_ray_count(&frame->content->eye) + visible->layers.count;
 }
@@ -7732,7 +7676,7 @@ static int spsi_in_region(const spsi_frame *frame, int x, int y) {
     return column >= 0 && row >= 0 && column < region[2] && row < region[3];
 }
 
-/* Where what shade_fn sets at a place is stored; SIZE_MAX: nowhere, since the pixel is outside the region. */
+/* Index into `set`; SIZE_MAX: outside the region. */
 static size_t spsi_surface_index(const spsi_frame *frame, const spsi_shading_point *place) {
     const int *region = frame->view.region, column = place->x - region[0], row = place->y - region[1];
     const size_t pixels = spsi_ray_count(&frame->content->eye);
@@ -7741,7 +7685,7 @@ static size_t spsi_surface_index(const spsi_frame *frame, const spsi_shading_poi
                                  : (size_t)region[2] * (size_t)region[3] + place->index - pixels;
 }
 
-/* What shade_fn has set at a place; NULL: nothing. */
+/* shade_fn's result at a point; NULL: none. */
 static const sps_surface *spsi_surface_set(const spsi_frame *frame, const sps_surface *set,
                                            const spsi_shading_point *place) {
     const size_t at = set ? spsi_surface_index(frame, place) : SIZE_MAX;
@@ -7757,31 +7701,30 @@ static void spsi_appearance_at(const spsi_faces *faces, const spsi_hit *hit, con
     }
 }
 
-#define SPSI_SURFACE_BATCH 4096 /* points for a call of shade_fn, at most */
+#define SPSI_SURFACE_BATCH 4096 /* maximum points per shade_fn call */
 
-/* A place on a mesh that has a shade_fn. */
+/* A point on a mesh with shade_fn. */
 typedef struct spsi_shown {
     spsi_shading_point place;
     int mesh; /* in the frame's list */
 } spsi_shown;
 
-/* The next places, in rows of pixels from the top, whose meshes have a shade_fn; and those of one mesh among them. A
-   pixel's layers come after what its ray hits. */
+/* A batch of points for shade_fn, in pixel rows from the top. A pixel's layers follow its hit. */
 typedef struct spsi_surface_batch {
     const spsi_frame *frame;
     const spsi_faces *faces;
     const spsi_visible *visible;
-    int x, y;   /* the next pixel to look at */
-    int number; /* 0: its hit, then its layers from 1 */
+    int x, y;   /* next pixel */
+    int number; /* 0: hit; layers from 1 */
     int shown_count, count;
     spsi_shown shown[SPSI_SURFACE_BATCH];
-    spsi_shown same[SPSI_SURFACE_BATCH]; /* of one mesh */
+    spsi_shown same[SPSI_SURFACE_BATCH]; /* points of one mesh */
     sps_surface_point points[SPSI_SURFACE_BATCH];
     sps_surface out[SPSI_SURFACE_BATCH];
 } spsi_surface_batch;
 
-/* Change of a face's weights from a pixel to its neighbour, whose ray is `step` away at the point: `step`, projected
-   along the ray onto the plane, in the coordinates of edges u and v. */
+/* Change of barycentric weights to the next pixel. Its ray is `step` away: the step is projected along the ray onto the
+   plane of edges u and v. */
 static void spsi_weights_step(const double ray[3], const double step[3], const double u[3], const double v[3],
                               double change[3]) {
     double n[3], across[3], along[3];
@@ -7794,12 +7737,12 @@ static void spsi_weights_step(const double ray[3], const double step[3], const d
     change[0] = -change[1] - change[2];
 }
 
-/* The i-th texture coordinate at weights, or its change at a change of weights. */
+/* Interpolates a texture coordinate, or its change. */
 static double spsi_uv_mean(const spsi_face_texture *texture, const double w[3], int i) {
     return w[0] * (double)texture->uv[0][i] + w[1] * (double)texture->uv[1][i] + w[2] * (double)texture->uv[2][i];
 }
 
-/* Change of texture coordinates from pixel to pixel, along x if axis is the eye's a, along y if it is b. */
+/* Screen-space derivative of texture coordinates; axis: the eye's a for x, b for y. */
 static void spsi_uv_step(const spsi_rays *eye, const spsi_face *face, const spsi_face_texture *texture,
                          const spsi_shown *at, double depth, const double axis[3], float change[2]) {
     double ray[3], step[3], u[3], v[3], w[3];
@@ -7812,7 +7755,7 @@ static void spsi_uv_step(const spsi_rays *eye, const spsi_face *face, const spsi
     for (int i = 0; i < 2; ++i) change[i] = (float)spsi_dmax(-1e30, spsi_dmin(1e30, spsi_uv_mean(texture, w, i)));
 }
 
-/* Describes the point that a place shows. Without shade_fn it would have the mesh's own color. */
+/* Fills shade_fn's input; the output defaults to the mesh's own color. */
 static void spsi_surface_point(const spsi_surface_batch *batch, const spsi_shown *at, sps_surface_point *point,
                                sps_surface *out) {
     const spsi_rays *eye = &batch->frame->content->eye;
@@ -7847,7 +7790,7 @@ static void spsi_surface_point_task(void *data, int i) {
     spsi_surface_point(batch, &batch->same[i], &batch->points[i], &batch->out[i]);
 }
 
-/* The next place of the current pixel; returns 0 if there are no more. */
+/* Next point of the current pixel; 0: none left. */
 SPSI_COLD int spsi_surface_batch_place(spsi_surface_batch *batch, spsi_shading_point *place) {
     const spsi_layers *layers = &batch->visible->layers;
     const size_t pixel = (size_t)batch->y * (size_t)batch->frame->content->eye.width + (size_t)batch->x;
@@ -7862,7 +7805,7 @@ SPSI_COLD int spsi_surface_batch_place(spsi_surface_batch *batch, spsi_shading_p
     return 1;
 }
 
-/* Collects the next places. Returns 0 if there are none. */
+/* Collects points. Returns 0 if there are none. */
 SPSI_COLD int spsi_surface_batch_fill(spsi_surface_batch *batch) {
     const int *region = batch->frame->view.region, right = region[0] + region[2], bottom = region[1] + region[3];
     spsi_shading_point place;
@@ -7879,7 +7822,7 @@ SPSI_COLD int spsi_surface_batch_fill(spsi_surface_batch *batch) {
     return batch->shown_count > 0;
 }
 
-/* Picks the places of one mesh. Returns the next mesh that has any, or -1. */
+/* Picks the points of one mesh. Returns the next mesh with points, or -1. */
 SPSI_COLD int spsi_surface_batch_pick(spsi_surface_batch *batch, int mesh) {
     int next = -1;
     batch->count = 0;
@@ -7891,7 +7834,7 @@ SPSI_COLD int spsi_surface_batch_pick(spsi_surface_batch *batch, int mesh) {
     return next;
 }
 
-/* Calls a mesh's shade_fn for the points that were picked, and checks what it has set. */
+/* Calls a mesh's shade_fn for the picked points and checks its results. */
 SPSI_COLD sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface_batch *batch, const spsi_mesh *mesh) {
     spsi_parallel_batches(context, batch->count, spsi_surface_point_task, batch);
     context->stats.shade_calls += 1;
@@ -7908,7 +7851,7 @@ SPSI_COLD sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface
     return SPS_OK;
 }
 
-/* Shades the places that were collected, mesh by mesh. */
+/* Shades the collected points, mesh by mesh. */
 SPSI_COLD sps_result spsi_surface_batch_run(sps_context *context, spsi_surface_batch *batch, sps_surface *set) {
     int next;
     for (int mesh = spsi_surface_batch_pick(batch, -1); mesh >= 0; mesh = next) {
@@ -7920,7 +7863,7 @@ SPSI_COLD sps_result spsi_surface_batch_run(sps_context *context, spsi_surface_b
     return spsi_progress(context, 0);
 }
 
-/* Calls shade_fn for the points that the region's pixels show, once each. Sets visible->set. */
+/* Calls shade_fn once per visible point of the region. Sets visible->set. */
 SPSI_COLD sps_result spsi_textures(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                    spsi_visible *visible) {
     const size_t places = (size_t)frame->view.region[2] * (size_t)frame->view.region[3] + visible->layers.count;
@@ -7930,7 +7873,7 @@ SPSI_COLD sps_result spsi_textures(sps_context *context, const spsi_frame *frame
     sps_surface *out = (sps_surface *)spsi_reserve(context, SPSI_BUFFER_SURFACES, places, sizeof *out);
     batch = (spsi_surface_batch *)spsi_reserve(context, SPSI_BUFFER_SURFACE_BATCH, 1, sizeof *batch);
     if (!out || !batch) return context->result;
-    for (size_t i = 0; i < places; ++i) out[i].albedo[0] = -1; /* nothing is set there */
+    for (size_t i = 0; i < places; ++i) out[i].albedo[0] = -1; /* nothing set */
     batch->frame = frame;
     batch->faces = faces;
     batch->visible = visible;
@@ -7943,29 +7886,28 @@ SPSI_COLD sps_result spsi_textures(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-/* --- shadows on surfaces: rays through a tree of triangles --- */
+/* --- shadow rays between surfaces --- */
 
-#define SPSI_PACKET 16 /* rays traced together: those of 4 x 4 pixels */
+#define SPSI_PACKET 16 /* rays of 4 x 4 pixels */
 
-/* Rays from points towards one light. */
+/* Shadow rays towards one light. */
 typedef struct spsi_packet {
     double origin[3][SPSI_PACKET], toward[3][SPSI_PACKET];
-    double reach;         /* the light is at origin + reach * toward; infinity for a directional light */
-    double rounding;      /* round-off of world coordinates */
-    int on_faces;         /* 0: rays begin in gas, where no face is near enough for round-off to matter */
-    int own[SPSI_PACKET]; /* face that each ray begins on and ignores; -1: none */
-    int count;            /* vectors that hold any rays */
-    int open;             /* bit mask of rays that nothing has occluded yet */
-    int filtered;         /* bit mask of rays that translucent faces have filtered */
-    /* Optical depth of translucent faces on each ray, by color, in units of 2^-32: sums of integers do not depend on
-       the order in which faces are met. */
+    double reach;         /* ray parameter of the light; infinity if directional */
+    double rounding;      /* world coordinates' round-off */
+    int on_faces;         /* 0: rays begin in media, far enough from faces */
+    int own[SPSI_PACKET]; /* face of origin, to be ignored; -1: none */
+    int count;            /* vectors in use */
+    int open;             /* mask of unoccluded rays */
+    int filtered;         /* mask of filtered rays */
+    /* Optical depth of translucent faces per color, in units of 2^-32. Integer sums do not depend on traversal
+       order. */
     uint64_t filter[3][SPSI_PACKET];
-    float above[3][SPSI_PACKET];   /* origins relative to the tree's centre, plus room for round-off */
-    float below[3][SPSI_PACKET];   /* the same, minus that room */
-    float inverse[3][SPSI_PACKET]; /* toward; 1 / toward once the packet is traced */
+    float above[3][SPSI_PACKET];   /* origins from the tree's centre, plus round-off */
+    float below[3][SPSI_PACKET];   /* minus round-off */
+    float inverse[3][SPSI_PACKET]; /* toward; its reciprocal while tracing */
 } spsi_packet;
 
-/* Begins an empty packet. */
 static void spsi_packet_begin(const spsi_faces *faces, int is_direction, int on_faces, spsi_packet *packet) {
     memset(packet, 0, sizeof *packet);
     packet->on_faces = on_faces;
@@ -7973,8 +7915,8 @@ static void spsi_packet_begin(const spsi_faces *faces, int is_direction, int on_
     packet->rounding = 16 * DBL_EPSILON * faces->extent;
 }
 
-/* Adds a ray. `room` covers the rounding of its origin to floats, and the round-off of subtracting it from boxes.
-   Reciprocals are kept finite: no box is 1e30 times as far away as it is wide. */
+/* Adds a ray. room: round-off of the origin as a float and of box differences. Reciprocals stay finite: no box is 1e30
+   times as far as wide. */
 static void spsi_packet_add(const spsi_tree *tree, int at, int own, const double origin[3], const double toward[3],
                             spsi_packet *packet) {
     double offset[3], room = 0;
@@ -7995,7 +7937,7 @@ static void spsi_packet_add(const spsi_tree *tree, int at, int own, const double
     packet->count = spsi_imax(packet->count, at / SPSI_LANES + 1);
 }
 
-/* Bit mask of the open rays that may hit a node's box. */
+/* Mask of open rays that may hit a node's box. */
 static inline int spsi_packet_meets(const spsi_packet *packet, const spsi_tree_node *node, spsi_v reach) {
     int bits = 0;
     for (int k = 0; k < packet->count; ++k) {
@@ -8013,17 +7955,16 @@ static inline int spsi_packet_meets(const spsi_packet *packet, const spsi_tree_n
     return bits & packet->open;
 }
 
-/* d . (a x b): the side of an edge on which a ray in direction d passes; a and b are relative to its origin. */
+/* d . (a x b): side of an edge that a ray in direction d passes; a, b relative to its origin. */
 static inline double spsi_edge_side(const double a[3], const double b[3], const double d[3]) {
     return d[0] * (a[1] * b[2] - a[2] * b[1]) + d[1] * (a[2] * b[0] - a[0] * b[2]) + d[2] * (a[0] * b[1] - a[1] * b[0]);
 }
 
 static inline double spsi_reach_of(const double a[3]) { return fabs(a[0]) + fabs(a[1]) + fabs(a[2]); }
 
-/* Whether a ray in direction d passes between three corners, given relative to its origin; ab, bc and ac are the edges'
-   sides. A side whose sign round-off may have changed counts as inside: round-off is below 8 * 2^-53 of the product of
-   the lengths, which are bounded by the sums of their components. So no ray through an edge or a corner slips between
-   two faces, however the compiler contracts multiplications and additions. */
+/* True if direction d passes between three corners, relative to the origin; ab, bc, ac are edge sides. Uncertain signs
+   count as inside, so that no ray slips between two faces, whatever the compiler contracts. Round-off is below 8 *
+   2^-53 of the product of lengths, which component sums bound. */
 static inline int spsi_edges_hold(const double a[3], const double b[3], const double c[3], const double d[3], double ab,
                                   double bc, double ac) {
     const double ra = spsi_reach_of(a), rb = spsi_reach_of(b), rc = spsi_reach_of(c), rab = ra > rb ? ra : rb;
@@ -8031,9 +7972,9 @@ static inline int spsi_edges_hold(const double a[3], const double b[3], const do
     return ((ab >= -room) & (bc >= -room) & (ac <= room)) | ((ab <= room) & (bc <= room) & (ac >= -room));
 }
 
-/* Bit mask of the rays of a vector, from number `first` on, that a face occludes. Where rays begin on faces, it must
-   lie ahead of a ray's origin by more than the round-off of world coordinates and of its corners in their mesh. So
-   neither an adjoining face nor a twin in the same plane shades a point, and no adjacency is needed. */
+/* Mask of rays from number `first` on that a face occludes. Rays from faces ignore what is not ahead by more than
+   round-off of world and mesh. So adjacent or coincident coplanar faces do not self-shadow, and no adjacency is
+   needed. */
 static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int first) {
     const double *p = face->position[0], *q = face->position[1], *r = face->position[2];
     double n[3], room, stops[SPSI_LANES];
@@ -8058,9 +7999,8 @@ static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int
     return bits;
 }
 
-/* Whether a ray passes through a face, which is translucent: of the faces that share an edge or a corner, a ray through
-   it passes one, as if it were an orthographic pixel. Corners are projected along the ray onto the plane of the other
-   two axes, to the same bits for all faces that share them. */
+/* Exact test for translucent faces: of faces that share an edge or corner, a ray crosses one. Corners are projected
+   along the ray, bit-identical for all faces that share them. */
 static int spsi_face_passes(const spsi_face *face, const double origin[3], const double toward[3]) {
     const int along = spsi_cube_face_of(toward) / 2;
     double corner[3][3];
@@ -8076,13 +8016,13 @@ static int spsi_face_passes(const spsi_face *face, const double origin[3], const
     return spsi_face_hit_exactly((const double(*)[3])corner, 0, 0, 0);
 }
 
-/* Optical depth of a face in units of 2^-32, 86 at most: 4e7 of them do not overflow. */
+/* Optical depth in units of 2^-32, at most 86: 4e7 faces do not overflow. */
 static uint64_t spsi_filter_of(float transmittance) {
     const double depth = transmittance > 0 ? -log((double)transmittance) : (double)SPSI_DEPTH_MAX;
     return (uint64_t)(spsi_dmin(depth, 86) * 4294967296.0);
 }
 
-/* Filters the open rays that pass through a translucent face. */
+/* Filters open rays by a translucent face. */
 static void spsi_packet_filter(const spsi_face *face, int number, spsi_packet *packet) {
     for (int first = 0; packet->open >> first; first += SPSI_LANES) {
         const int met = spsi_face_stops(face, packet, first) << first & packet->open;
@@ -8096,7 +8036,7 @@ static void spsi_packet_filter(const spsi_face *face, int number, spsi_packet *p
     }
 }
 
-/* What translucent faces let pass along a ray, by color. */
+/* Transmittance of a ray, by color. */
 static void spsi_packet_through(const spsi_packet *packet, int at, double through[3]) {
     for (int c = 0; c < 3; ++c) {
         const double depth = (double)packet->filter[c][at] / 4294967296.0;
@@ -8104,7 +8044,7 @@ static void spsi_packet_through(const spsi_packet *packet, int at, double throug
     }
 }
 
-/* Closes the rays among `bits` that a face occludes, or filters them. */
+/* Closes the rays of `bits` that a face occludes, or filters them. */
 static void spsi_packet_meet_face(const spsi_faces *faces, int number, int bits, spsi_packet *packet) {
     if (spsi_face_is_translucent(&faces->list[number])) {
         spsi_packet_filter(&faces->list[number], number, packet);
@@ -8118,7 +8058,7 @@ static void spsi_packet_meet_face(const spsi_faces *faces, int number, int bits,
     }
 }
 
-/* Traces a packet: afterwards, its open rays are those that reach the light, through translucent faces or not. */
+/* Traces a packet. Rays that reach the light, filtered or not, remain open. */
 static void spsi_packet_trace(const spsi_faces *faces, spsi_packet *packet) {
     const spsi_tree *tree = &faces->tree;
     const spsi_v reach = spsi_set(packet->reach <= 1 ? 1.0f : FLT_MAX);
@@ -8137,9 +8077,9 @@ static void spsi_packet_trace(const spsi_faces *faces, spsi_packet *packet) {
     }
 }
 
-/* --- faces near a place --- */
+/* --- faces near a point --- */
 
-/* Whether a face's plane passes through a box about a centre. */
+/* True if a face's plane cuts a box. */
 static int spsi_face_near(const spsi_face *face, const double centre[3], double half) {
     double plane[3], offset[3];
     spsi_face_plane(face, plane);
@@ -8147,7 +8087,7 @@ static int spsi_face_near(const spsi_face *face, const double centre[3], double 
     return fabs(spsi_dot(plane, offset)) <= half * (fabs(plane[0]) + fabs(plane[1]) + fabs(plane[2]));
 }
 
-/* Whether a face may pass through a box about a centre: its own box and its plane do. */
+/* True if a face may cut a box: its box and plane do. */
 static int spsi_faces_near(const spsi_faces *faces, const double centre[3], const double half[3]) {
     const double most = spsi_dmax(half[0], spsi_dmax(half[1], half[2]));
     const spsi_ray still = {{centre[0], centre[1], centre[2]}, {0, 0, 0}, 0, 0};
@@ -8160,21 +8100,21 @@ static int spsi_faces_near(const spsi_faces *faces, const double centre[3], cons
     return 0;
 }
 
-/* --- whether anything is between two boxes --- */
+/* --- visibility between two boxes --- */
 
-#define SPSI_SHAFT_PLANES 16  /* up to 12 through edges of both boxes, and that of a surface */
-#define SPSI_SHAFT_NODES  256 /* most that are looked at: more cost as much as rays */
+#define SPSI_SHAFT_PLANES 16  /* up to 12 through box edges, one of a surface */
+#define SPSI_SHAFT_NODES  256 /* nodes to visit; beyond, rays are as cheap */
 
-/* What lies between two boxes [Haines and Wallace 1991]: in the box about both, where normal . x <= reach, relative to
-   the centre of the tree of faces. */
+/* Shaft between two boxes [Haines and Wallace 1991]: their joint box, where normal . x <= reach, relative to the tree's
+   centre. */
 typedef struct spsi_shaft {
-    spsi_bounds to;        /* the second box, in the world */
-    float low[3], high[3]; /* about both */
-    int count;             /* of planes */
+    spsi_bounds to;        /* second box, world space */
+    float low[3], high[3]; /* joint box */
+    int count;             /* number of planes */
     float normal[3][SPSI_SHAFT_PLANES], reach[SPSI_SHAFT_PLANES];
 } spsi_shaft;
 
-/* How far faces reach from the centre of their tree, along any axis. */
+/* Maximum coordinate of faces from the tree's centre. */
 static double spsi_faces_reach(const spsi_faces *faces) {
     float most = 0;
     for (int k = 0; k < 3 && faces->tree.count > 0; ++k)
@@ -8182,7 +8122,7 @@ static double spsi_faces_reach(const spsi_faces *faces) {
     return (double)most;
 }
 
-/* Adds a plane that leaves two boxes inside, and `room` beyond them. */
+/* Adds a plane with both boxes inside, plus `room`. */
 static void spsi_shaft_add(const spsi_faces *faces, const spsi_bounds *a, const spsi_bounds *b, const double normal[3],
                            double room, spsi_shaft *shaft) {
     double reach[2] = {0, 0};
@@ -8195,7 +8135,8 @@ static void spsi_shaft_add(const spsi_faces *faces, const spsi_bounds *a, const 
     shaft->reach[shaft->count++] = (float)(spsi_dmax(reach[0], reach[1]) + room);
 }
 
-/* Along two axes, a corner of one box is joined to that of the other where one is farther out along either axis. */
+/* Planes join corners of both boxes in projections along each axis, wherever one is farther out along one axis and not
+   the other. */
 static void spsi_shaft_build(const spsi_faces *faces, const spsi_bounds *from, const spsi_bounds *to,
                              spsi_shaft *shaft) {
     double room = spsi_faces_reach(faces);
@@ -8220,11 +8161,11 @@ static void spsi_shaft_build(const spsi_faces *faces, const spsi_bounds *from, c
             const double steep = fabs(out[1 - i]) / (fabs(out[0]) + fabs(out[1]));
             normal[axis[i]] = upper[i] ? steep : -steep;
         }
-        spsi_shaft_add(faces, from, to, normal, 4e-7 * room, shaft); /* of three sums of floats, 6e-8 each */
+        spsi_shaft_add(faces, from, to, normal, 4e-7 * room, shaft); /* three float sums, 6e-8 each */
     }
 }
 
-/* Whether a box may reach into a shaft, given relative to the tree's centre. */
+/* True if a box, relative to the tree's centre, may reach into the shaft. */
 static int spsi_shaft_meets(const spsi_shaft *shaft, const float low[3], const float high[3]) {
     for (int k = 0; k < 3; ++k)
         if (low[k] > shaft->high[k] || high[k] < shaft->low[k]) return 0;
@@ -8239,8 +8180,8 @@ static int spsi_shaft_meets(const spsi_shaft *shaft, const float low[3], const f
     return 1;
 }
 
-/* Whether a face may stop or filter rays from points to a shaft's second box: these are on both sides of its plane, by
-   half the room that spsi_face_stops grants to round-off. */
+/* True if a face may block rays from points to the second box: they lie on opposite sides of its plane. Allows half the
+   round-off of spsi_face_stops. */
 static int spsi_shaft_meets_face(const spsi_shaft *shaft, const spsi_faces *faces, int number,
                                  const double (*points)[3], int count) {
     const spsi_face *face = &faces->list[number];
@@ -8268,8 +8209,8 @@ static int spsi_shaft_meets_face(const spsi_shaft *shaft, const spsi_faces *face
     return (far_off[1] > 0 && near_by[0] < -room) || (far_off[0] < 0 && near_by[1] > room);
 }
 
-/* Whether nothing can be in the way of a shaft's rays, which begin anywhere on `count` faces; or on one between
-   `starts` places (0: anywhere), and then opaque faces alone are in the way. */
+/* True if nothing blocks a shaft. Rays begin anywhere on `count` faces (starts 0), or between `starts` points of one
+   face; then only opaque faces block. */
 static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft, const int *own, int count,
                                const double (*start)[3], int starts) {
     int stack[SPSI_TREE_STACK], top = 0, seen = 0;
@@ -8295,8 +8236,7 @@ static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft,
 
 /* --- the nearest face on a ray --- */
 
-/* Whether a ray meets a face within its range, more than `rounding` ahead of its origin; t and weights if so. If not,
-   weights stay. */
+/* Intersects a face within the ray's range, more than `rounding` ahead. Sets t and weights on a hit only. */
 static int spsi_face_meets(const spsi_face *face, const spsi_ray *ray, double rounding, double *t, float weights[2]) {
     const double *d = ray->direction;
     double a[3], b[3], c[3], n[3], room, ab, bc, ac, facing, ahead;
@@ -8318,7 +8258,7 @@ static int spsi_face_meets(const spsi_face *face, const spsi_ray *ray, double ro
     return 1;
 }
 
-/* Finds the nearest face on a ray that begins on face `own` (-1: on none), and shortens the ray to it. */
+/* Finds the nearest face and shortens the ray to it. own: face of origin; -1: none. */
 static void spsi_ray_to_face(const spsi_faces *faces, int own, spsi_ray *ray, spsi_hit *hit) {
     spsi_walk walk;
     int number;
@@ -8334,7 +8274,7 @@ static void spsi_ray_to_face(const spsi_faces *faces, int own, spsi_ray *ray, sp
     }
 }
 
-/* The same for opaque faces only. */
+/* Skips translucent faces. */
 static int spsi_ray_to_opaque(const spsi_faces *faces, spsi_ray *ray, spsi_hit *hit) {
     const double high = ray->high;
     for (;;) {
@@ -8358,7 +8298,7 @@ static void spsi_face_items_task(void *data, int i) {
     spsi_tree_item_add(&job->items[i], job->faces->tree.centre, bounds.low, bounds.high);
 }
 
-/* Builds the tree of all faces, or reuses the one that is held with them. */
+/* Builds the tree of all faces unless cached. */
 static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
     spsi_face_items job = {faces, NULL};
     spsi_tree *tree = &faces->tree;

@@ -3869,52 +3869,49 @@ SPSI_COLD int spsi_components_of(const sps_tmap_settings *settings) {
 }
 
 /* ================================================================================================ >>scene
-   9  The frame: a checked copy of scene and view with every default resolved, so that no later section interprets a
-   zero. Only a light's map size may stay open (0) until the medium that it covers has been read. */
+   9  The frame: scene and view, checked, with all defaults resolved, so that later sections interpret no zeros. Only a
+   light's map size may stay open (0) until the medium has been read. */
 
-/* Voxel grid in world space. */
 typedef struct spsi_lattice {
     int medium;
-    double corner[3];  /* world position of voxel (0,0,0)'s corner */
-    double step[3][3]; /* world vectors of a voxel's edges */
+    double corner[3];  /* world corner of voxel (0,0,0) */
+    double step[3][3]; /* world edges of a voxel */
     double voxel_volume;
 } spsi_lattice;
 
-/* A non-empty volume. */
 typedef struct spsi_medium {
-    sps_volume given;      /* concurrent is also set for the library's own callbacks */
-    int index;             /* index in the scene */
+    sps_volume given;      /* also concurrent where only the library reads it */
+    int index;
     spsi_lattice *lattice;
-    int channel;           /* channel in eye sheets; material index */
-    int light_channel;     /* channel in light sheets; 0: unclassified media */
+    int channel;           /* channel in eye sheets and material index */
+    int light_channel;     /* channel in light sheets; 0: unclassified */
 } spsi_medium;
 
-/* A non-empty particle set. */
 typedef struct spsi_particle_set {
     sps_particles given;
-    int index;   /* index in the scene */
-    int channel; /* channel in eye sheets; material index; light sheets use 0 */
-    int soft;    /* 1: density falls to 0 at the rim, 0: uniform */
+    int index;
+    int channel; /* channel in eye sheets and material index */
+    int soft;    /* 1: density falls to 0 at the rim */
 } spsi_particle_set;
 
 typedef struct spsi_mesh {
-    sps_mesh given; /* all-zero axes replaced by the identity */
-    int index;      /* index in the scene */
+    sps_mesh given; /* no all-zero axes */
+    int index;
 } spsi_mesh;
 
-/* Shape of an area light, with coordinates (x, y) in the unit disc or the square -1..1. */
+/* Shape of an area light. Coordinates (x, y) lie in the unit disc or the square -1..1. */
 typedef struct spsi_light_extent {
     int exists;
-    int is_disc;       /* 1: disc, 0: rectangle */
-    double radius;     /* maximum distance from the centre: world units; radians if directional */
-    double axis[2][3]; /* centre to (1, 0) and (0, 1); directional: perpendicular unit vectors */
+    int is_disc;       /* 0: rectangle */
+    double radius;     /* maximum from the centre: world units; radians if directional */
+    double axis[2][3]; /* vectors from centre to (1, 0) and (0, 1); directional: unit vectors */
 } spsi_light_extent;
 
-/* Cone of a spotlight: intensity is clamp((none - v) / rim, 0, 1)^2 with v = 1 - cos of the angle. Plain cosines cannot
-   resolve narrow cones. */
+/* Spotlight cone: intensity clamp((none - v) / rim, 0, 1)^2, v = 1 - cos of the angle. Plain cosines cannot resolve
+   narrow cones. */
 typedef struct spsi_cone {
     int exists;
-    double none, rim; /* 1 - cos of the outer angle; difference to the inner one */
+    double none, rim; /* v at the outer angle; v difference to the inner */
 } spsi_cone;
 
 /* Projected texture (cookie). The texel for a point at `offset` from the light is
@@ -3923,76 +3920,75 @@ typedef struct spsi_projection {
     int exists;
     sps_projector given;
     double across[2][3], add[2], forward[3];
-    double edge[2]; /* texel edge at distance 1; directional: in world units */
-    double focus;   /* 1 / distance of the plane in focus; 0: infinity */
+    double edge[2]; /* texel at distance 1; directional: world units */
+    double focus;   /* 1 / focal distance; 0: infinity */
     int image;      /* index in content.images */
 } spsi_projection;
 
-/* How a light shadows media, and why. */
+/* Reason for sheets or a map. */
 typedef enum spsi_choice {
     SPSI_CHOICE_CALLER, /* set by the caller */
-    SPSI_CHOICE_OPEN,   /* undecided, sheets for now, >>shadows */
+    SPSI_CHOICE_OPEN,   /* undecided, sheets so far, >>shadows */
     SPSI_CHOICE_SHEETS,
-    SPSI_CHOICE_TABLE_IN_GAS, /* table: light in the medium or too close for slabs */
-    SPSI_CHOICE_TABLE_CAMERA, /* table: no slabs suit this light and the camera */
-    SPSI_CHOICE_TABLES,       /* several tables for the points of an area light */
-    SPSI_CHOICE_TABLE_SHARED, /* table: spares a sweep */
-    SPSI_CHOICE_TABLE_AGAIN   /* table: >>cells needs it anyway */
+    SPSI_CHOICE_TABLE_IN_GAS, /* light in or near the medium: no slabs */
+    SPSI_CHOICE_TABLE_CAMERA, /* no slabs suit both light and camera */
+    SPSI_CHOICE_TABLES,       /* several tables for an area light */
+    SPSI_CHOICE_TABLE_SHARED, /* spares this light a sweep */
+    SPSI_CHOICE_TABLE_AGAIN   /* >>cells needs it anyway */
 } spsi_choice;
 
 typedef struct spsi_light {
     int index;           /* index in the scene */
     int is_point;        /* 0: directional */
-    double position[3];  /* centre */
-    double direction[3]; /* unit direction of travel, or cone axis */
-    double across[2][3]; /* unit vectors perpendicular to it */
+    double position[3];
+    double direction[3]; /* unit: travel direction, or cone axis */
+    double across[2][3]; /* perpendicular unit vectors */
     spsi_cone cone;
     spsi_projection projection;
     float color[3]; /* intensity; irradiance if directional or without falloff */
     int falls_off;  /* 1: inverse-square falloff */
     spsi_light_extent extent;
-    const struct spsi_light *points; /* sample points; itself if not an area light */
+    const struct spsi_light *points; /* sample points, or itself */
     int point_count;
-    const struct spsi_light *few; /* fewer points for irradiance in media; at least one */
+    const struct spsi_light *few; /* fewer, for irradiance in media; at least one */
     int few_count;
-    int samples;                   /* set by the caller */
-    int shadows;                   /* 1: casts shadows */
-    int sliced;                    /* 1: shadows media by sheets, needs suitable slabs */
+    int samples;
+    int shadows;
+    int sliced;                    /* 1: shadows media by sheets */
     int has_map;                   /* 1: shadows media by a transmittance map */
-    spsi_choice choice;            /* reason for sheets or map */
+    spsi_choice choice;
     int tables;                    /* tables for its points; 0 or 1: not split */
-    int map_size;                  /* texels on the longer side; 0: fitted to the medium */
-    const spsi_bounds *map_bounds; /* region that the map serves; NULL: all media */
-    int map_omnidirectional;       /* 1: always six faces */
+    int map_size;                  /* longer side in texels; 0: fitted to the medium */
+    const spsi_bounds *map_bounds; /* bounds of media that it serves; NULL: all */
+    int map_omnidirectional;
     sps_tmap_settings map;         /* technique resolved */
 } spsi_light;
 
-/* Set by the quality level. */
 typedef struct spsi_accuracy {
-    double threshold;     /* transmittance that ends an eye ray */
+    double threshold;     /* transmittance that ends eye rays */
     double shadow_texels; /* shadow texels per voxel */
-    double texel_pixels;  /* minimum shadow texel in pixels; 0: caller sets resolution */
-    double slab_pixels;   /* minimum slab thickness in pixels; 0: caller sets it */
-    int depth_map_texels; /* minimum side of depth maps */
+    double texel_pixels;  /* minimum shadow texel in pixels; 0: set by caller */
+    double slab_pixels;   /* minimum slab in pixels; 0: set by caller */
+    int depth_map_texels; /* minimum side */
     double cut;           /* kernel radius in standard deviations */
     double light_cut;     /* cut of classified volumes in light sheets */
-    int light_points;     /* sample points per area light */
+    int light_points;     /* per area light */
     double flight_angle;  /* maximum angle of an emitter node, radians, >>flights */
 } spsi_accuracy;
 
 typedef struct spsi_particle_sets {
     int set_count;
     spsi_particle_set sets[SPSI_SETS_MAX];
-    size_t count; /* all sets, before reading */
+    size_t count; /* known before reading */
     int has_soft;
 } spsi_particle_sets;
 
 typedef struct spsi_meshes {
     spsi_mesh *list;
     int count;
-    size_t triangle_count; /* all meshes, before reading */
-    size_t textured_count; /* triangles with a shade_fn */
-    int translucent;       /* 1: some are translucent */
+    size_t triangle_count; /* known before reading */
+    size_t textured_count; /* with a shade_fn */
+    int translucent;
 } spsi_meshes;
 
 typedef struct spsi_matter {
@@ -4001,25 +3997,25 @@ typedef struct spsi_matter {
     int light_channel_count; /* one for unclassified media, one per classified volume */
     int scatters;
     int emits;
-    int orders;              /* maximum spsi_phase_orders; 0: none */
+    int orders;              /* maximum spsi_phase_orders; 0: no materials */
     int extinguishes;
-    int classifies;          /* 1: some volume has a transfer function */
+    int classifies;          /* 1: there is a transfer function */
 } spsi_matter;
 
 typedef struct spsi_lights {
-    spsi_light *list; /* `whole`, or its copy with area lights split by table, >>shadows */
+    spsi_light *list; /* `whole`, or its copy with split area lights, >>shadows */
     int count;
-    spsi_light *whole; /* the scene's */
+    spsi_light *whole;
     int whole_count;
-    spsi_light *split_points; /* room for points of all area lights */
+    spsi_light *split_points; /* room for all points */
     int shadow_count;
-    int sliced_count; /* lights with sheets: one sweep each */
-    int image_count;  /* lights with a cookie */
+    int sliced_count; /* each needs a sweep */
+    int image_count;  /* with cookies */
 } spsi_lights;
 
-#define SPSI_IMAGE_LEVELS 25 /* 4096 x 4096 texels, halved one axis at a time */
+#define SPSI_IMAGE_LEVELS 25 /* 4096 x 4096, halved one axis at a time */
 
-/* Mip levels of an image. Each has a red, green and blue plane with a border of one black texel. */
+/* Mip levels. Each has a plane per color with a border of one black texel. */
 typedef struct spsi_image {
     int level_count;
     int width[SPSI_IMAGE_LEVELS], height[SPSI_IMAGE_LEVELS]; /* with border */
@@ -4028,70 +4024,69 @@ typedef struct spsi_image {
     float *row; /* row of level 0 being read */
 } spsi_image;
 
-#define SPSI_CELL_SETS 6 /* maximum pairs of light and material with separate single scattering */
+#define SPSI_CELL_SETS 6 /* maximum (light, material) pairs with separate single scattering */
 
-/* A light whose single scattering patches send by phase function, >>cells. */
+/* Its single scattering is sent by patches with the full phase function, >>cells. */
 typedef struct spsi_cell_light {
-    int index, places;    /* index in the scene; points per segment for its direction */
+    int index, places;    /* points per segment for its direction */
     float weight;         /* fraction sent by patches; cells send the rest */
-    double at[3], brings; /* position (distant if directional); rough irradiance on media */
+    double at[3], brings; /* position, distant if directional; rough irradiance */
 } spsi_cell_light;
 
-/* Grid of the discrete-ordinates solver, >>cells. Arrays have an entry per cell, x fastest; rows are padded to whole
-   vectors, two at least. */
+/* Grid of discrete ordinates, >>cells. Arrays: x fastest, rows padded to vectors, two at least. */
 typedef struct spsi_cell_grid {
     int size[3], pitch;                 /* cells; entries per row */
-    size_t count;                       /* entries per array */
-    double corner[3], edge;             /* world position; cell edge */
-    int orders, terms, channels;        /* harmonic orders and moments; color channels */
-    float lobes[SPSI_MATERIALS_MAX][4]; /* per material: phase moments 0 to 3, minus peak */
+    size_t count;                       /* per array */
+    double corner[3], edge;             /* world units */
+    int orders, terms, channels;        /* harmonic, color */
+    float lobes[SPSI_MATERIALS_MAX][4]; /* phase moments 0 to 3, minus peak */
     float peak[SPSI_MATERIALS_MAX];     /* fraction scattered straight ahead */
     float swept[SPSI_MATERIALS_MAX];    /* fraction of emission without first flights */
     int light_count, peak_count;
     spsi_cell_light lights[SPSI_CELL_SETS];
-    spsi_material peaks[SPSI_CELL_SETS]; /* materials with a peak; all of them if light_count > 0 */
-    int peak_of[SPSI_CELL_SETS];         /* their indices */
-    float *depth;                       /* optical depth per cell edge */
-    float *moments;                     /* per channel and term: moments of radiance, without ambient light */
-    float *flown;   /* per channel and term: moments of first flights alone; NULL: none, >>flights */
-    float *trapped; /* per channel: trapped emission, then the first flights it replaces */
+    spsi_material peaks[SPSI_CELL_SETS]; /* materials with a peak; all if light_count > 0 */
+    int peak_of[SPSI_CELL_SETS];         /* indices */
+    float *depth;                       /* optical depth per edge */
+    float *moments;                     /* per channel and term, without ambient light */
+    float *flown;   /* likewise, first flights alone; NULL: none, >>flights */
+    float *trapped; /* per channel: trapped emission, then the flights it replaces */
     float *seen;    /* per material and channel: radiance per scattering depth */
-    int flux_terms; /* moments up to degree 2; 0: no polygons */
-    float *flux;    /* per channel and term: light sent to polygons */
-    int across;     /* patches along a side of the grid */
-    float *patches; /* per patch: position, area, exitance per channel */
-    float *thick;   /* per channel: mean optical depth per edge */
-    float *scale;   /* per channel: mean scale of extinction without peak */
-    float *pyramid; /* mip levels of depth, total and per material, >>flights; NULL: none */
-    size_t pyramid_rows; /* rows of each */
+    int flux_terms; /* degree 0 to 2; 0: no polygons */
+    float *flux;    /* per channel and term: sent to polygons */
+    int across;     /* patches along a side */
+    float *patches; /* position, area, exitance per channel */
+    float *thick;   /* per channel: mean depth per edge */
+    float *scale;   /* per channel: mean extinction scale without peak */
+    float *pyramid; /* mip levels of depth: all, then per material; NULL: no flights */
+    size_t pyramid_rows; /* each */
 } spsi_cell_grid;
 
-/* A small emitter: a uniform sphere, >>flights. It sends 1 - |axis| + 4 max(0, axis . d) of its mean in direction d.
-   axis: 0 in a medium, the normal on a polygon. */
+/* An emitting sphere, >>flights. In direction d it sends 1 - |axis| + 4 max(0, axis . d) times its mean. axis: 0 in
+   media, a polygon's normal otherwise. */
 typedef struct spsi_emitter {
     float at[3], radius; /* relative to the tree's centre */
     float cut;           /* radius if polygons may cut it, or 0 */
-    float solid;         /* 1: on polygons, whose mean position may be inside a solid */
-    float sent[3];       /* mean radiance times area, per channel */
+    float solid;         /* 1: on polygons, where a mean position may be inside a solid */
+    float sent[3];       /* mean radiance times area */
     float axis[3];
-    float leaves[3]; /* fraction that escaped its own medium, included in `sent` */
-    float clear;      /* up to here, its own medium does not attenuate it */
-    float own;        /* pyramid with its own medium */
-    float thick;      /* optical depth per radius if it attenuates itself, or 0 */
-    float ahead;      /* segments through media start this much later */
-    float gas;        /* optical depth times area if `sent` includes scattering, or 0 */
-    float trapped[3]; /* mean of its light inside; only if gas > 0 */
+    float leaves[3]; /* fraction that escapes its own medium; `sent` includes it */
+    float clear;      /* its own medium does not attenuate up to here */
+    float own;        /* pyramid of that medium */
+    float thick;      /* depth per radius if it attenuates itself, or 0 */
+    float ahead;      /* offset where attenuation begins */
+    float gas;        /* depth times area if `sent` includes scattering, or 0 */
+    float trapped[3]; /* mean radiance inside if gas > 0 */
 } spsi_emitter;
 
-#define SPSI_FLIGHT_SEGMENTS 18 /* directions: faces and edges of a cube */
+#define SPSI_FLIGHT_SEGMENTS 18 /* faces and edges of a cube */
 
-/* count 0: children are first and first + 1. */
+/* If count is 0, children are first and first + 1. */
 typedef struct spsi_flight_node {
     spsi_emitter sum;
     float reach; /* radius of the bounding sphere */
-    float breadth; /* diameter, up to 4 times larger if dense or bent */
+    float breadth; /* diameter, up to 4 times if dense or bent */
     float leaves[3]
-                [SPSI_FLIGHT_SEGMENTS]; /* fraction that escapes that sphere */
+                [SPSI_FLIGHT_SEGMENTS]; /* fraction escaping that sphere */
     int first, count;
 } spsi_flight_node;
 
@@ -4100,79 +4095,78 @@ typedef struct spsi_flight_node {
 enum { SPSI_FLIGHTS_EMISSION, SPSI_FLIGHTS_BEAMS, SPSI_FLIGHTS_SPOTS, SPSI_FLIGHTS_CELLS, SPSI_FLIGHT_TREES };
 
 typedef struct spsi_flights {
-    double centre[3]; /* common to all trees */
+    double centre[3];
     spsi_emitter *emitters;
     spsi_flight_node *nodes;
-    int *order, count; /* order: emitters, leaf after leaf */
+    int *order, count; /* order: leaf after leaf */
     spsi_bounds bounds;
     const spsi_cell_grid *grids;
     int grid_count;
-    float to_cells, to_polygons; /* fraction delivered directly; sweeps carry the rest */
+    float to_cells, to_polygons; /* fractions sent directly; sweeps carry the rest */
 } spsi_flights;
 
-#define SPSI_SAMPLER_STEPS   1024 /* tabulated positions between two voxels, >>sampler */
-#define SPSI_PYRAMID_REACHES 3    /* distances from visible voxels that get samples */
-#define SPSI_LEVELS        12   /* coarser levels, each with twice the voxel edge */
+#define SPSI_SAMPLER_STEPS   1024 /* tabulated positions between voxels, >>sampler */
+#define SPSI_PYRAMID_REACHES 3    /* sampling distances from visible voxels */
+#define SPSI_LEVELS        12   /* coarser levels; voxel edges double */
 
-/* A level of a volume, >>sampler. */
 typedef struct spsi_pyramid_level {
-    int low[3], size[3];  /* counted in bricks */
-    int first, end;       /* range of its source bricks */
-    double voxels;        /* number of relevant voxels */
-    float most;           /* their maximum; 0: unknown */
-    double volume;        /* upper bound of the volume in reach, in voxels */
-    int *grid;            /* per brick: index of its values; -1: none in reach. NULL: no pyramid */
-    int *sources;         /* per brick: source brick; -1: none */
-    int *places;          /* per stored brick: position in the grid */
+    int low[3], size[3];  /* first brick, number per axis */
+    int first, end;       /* range of source bricks */
+    double voxels;        /* relevant voxels */
+    float most;           /* maximum value; 0: unknown */
+    double volume;        /* upper bound in reach, voxels */
+    int *grid;            /* per brick: stored index; -1: none. NULL: no pyramid */
+    int *sources;         /* per brick: source; -1: none */
+    int *places;          /* per stored brick: grid index */
     int count;            /* stored bricks */
-    float *values;        /* voxels of stored bricks */
-    uint64_t *shown;      /* per stored brick: mask of visible voxels, 8 x 8 per layer */
+    float *values;        /* values of stored bricks */
+    uint64_t *shown;      /* per stored brick: mask of visible voxels, by layer */
     uint32_t (
-        *cells[SPSI_PYRAMID_REACHES])[2]; /* per brick: mask of cells of 2^3 voxels to sample */
-    float *bends; /* bounds of third differences: per eighth of a brick, maximum of 2^3 */
+        *cells[SPSI_PYRAMID_REACHES])[2]; /* per brick: mask of 2^3-voxel cells to sample */
+    float *bends; /* bounds of third differences: per eighth brick, maximum of 2^3 */
 } spsi_pyramid_level;
 
 typedef struct spsi_pyramid {
     int taps;                                /* 4 or 6 per axis */
     int filled;
-    float weights[SPSI_SAMPLER_STEPS + 1][8];  /* weights by position; 0 beyond `taps` */
-    float changes[SPSI_SAMPLER_STEPS + 1][8];  /* their derivatives per voxel */
-    spsi_pyramid_level list[SPSI_VOLUMES_MAX]; /* finest levels, per medium */
+    float weights[SPSI_SAMPLER_STEPS + 1][8];  /* indexed by position; 0 beyond taps */
+    float changes[SPSI_SAMPLER_STEPS + 1][8];  /* derivative per voxel */
+    spsi_pyramid_level list[SPSI_VOLUMES_MAX]; /* finest, per medium */
     int leveled;                             /* coarser levels filled */
-    int bent;                                /* 1: `bends` is filled */
+    int bent;                                /* 1: `bends` is set */
     spsi_pyramid_level levels[SPSI_VOLUMES_MAX][SPSI_LEVELS];
 } spsi_pyramid;
 
-/* Results of reading. Before that, bounds are the volumes' boxes. */
+/* Results of reading. Before, bounds are the volumes' boxes. */
 typedef struct spsi_content {
-    spsi_bounds bounds;            /* media */
-    double beyond[3];              /* padding of `bounds` for coarser levels, >>sampler */
-    spsi_bounds outer;             /* boxes of volumes and particles, >>shadows */
-    int parts[2], cut[2];          /* columns and rows (1 or 2) of image parts; split pixel */
-    spsi_bounds mesh_bounds;       /* polygons */
-    const sps_particle *particles; /* all non-empty ones, >>gather */
+    spsi_bounds bounds;            /* bounds of media */
+    double beyond[3];              /* padding for coarser levels, >>sampler */
+    spsi_bounds outer;             /* volume boxes and particles, >>shadows */
+    int parts[2], cut[2];          /* columns, rows: 1 or 2; split pixel */
+    spsi_bounds mesh_bounds;       /* bounds of polygons */
+    const sps_particle *particles; /* non-empty, >>gather */
     int particle_count;            /* 0 until read */
-    int set_ends[SPSI_SETS_MAX];   /* ends of the sets in `particles` */
-    float flies[SPSI_MATERIALS_MAX]; /* per material: fraction with first flights, >>flights */
+    int set_ends[SPSI_SETS_MAX];   /* ends of sets in `particles` */
+    float flies[SPSI_MATERIALS_MAX]; /* per material: fraction always in flights */
     double particle_radius;        /* geometric mean */
     double particle_spread;        /* RMS distance from their mean */
     double particle_extinction;    /* mean, single or overlapping, whichever is larger */
-    const spsi_image *images;      /* cookies, >>projectors */
-    spsi_pyramid *fields;          /* NULL: all are splatted, >>sampler */
-    float levels[SPSI_VOLUMES_MAX]; /* per medium: level plus weight of the next; -1: splatted */
-    const spsi_cell_grid *cells;   /* NULL: no multiple scattering by cells */
+    const spsi_image *images;      /* cookies */
+    spsi_pyramid *fields;          /* NULL: all splatted */
+    float levels[SPSI_VOLUMES_MAX]; /* per medium: level + weight of the next; -1: splatted */
+    const spsi_cell_grid *cells;   /* NULL: no discrete ordinates */
     int cell_grid_count;
-    const spsi_flights *flights; /* NULL: none */
-    spsi_rays eye; /* depths relative to the middle of the content */
+    const spsi_flights *flights; /* NULL: nothing emits, or cells carry it */
+    spsi_rays eye; /* depths from the middle of the content */
 } spsi_content;
 
-/* The checked and resolved scene. Only >>shadows changes its lights later. */
+/* Constant once built, except for lights in >>shadows. */
 typedef struct spsi_frame {
     spsi_content *content;
-    sps_scene given; /* arrays valid while building */
-    sps_view view;     /* resolved; shadow_resolution 0: fitted to the medium */
-    sps_object viewer; /* object named in errors about the view */
-    int has_matrix;    /* 1: camera was a matrix, kept in `eye` only */
+    sps_scene given; /* arrays are valid while building */
+    sps_view view;     /* resolved; shadow_resolution 0: fitted */
+    sps_object viewer; /* object for view errors */
+    int has_matrix;    /* 1: camera given as a matrix, kept in `eye` only */
     spsi_accuracy accuracy;
     spsi_rays eye;
     int medium_count;
@@ -4182,14 +4176,14 @@ typedef struct spsi_frame {
     spsi_matter matter;
     spsi_meshes meshes;
     spsi_lights lights;
-    int has_ambient;   /* 1: ambient light */
-    int has_gradients; /* 1: some volume is shaded as a surface */
-    int channels;    /* 1: all colors are grey; otherwise 3 */
+    int has_ambient;
+    int has_gradients; /* 1: surface shading */
+    int channels;    /* 1: all grey; or 3 */
     int wants_depth;
 } spsi_frame;
 
-#define SPSI_BEHIND       3  /* slabs splatted behind the eye; profiles need 2 */
-#define SPSI_NEAR_REACHES 16 /* kernel radii; nearer kernels are integrated per pixel ray */
+#define SPSI_BEHIND       3  /* slabs behind the eye; profiles need 2 */
+#define SPSI_NEAR_REACHES 16 /* kernel radii; nearer: integrated per pixel ray */
 
 static const spsi_bounds spsi_nowhere = {{DBL_MAX, DBL_MAX, DBL_MAX}, {-DBL_MAX, -DBL_MAX, -DBL_MAX}};
 
@@ -4221,22 +4215,22 @@ SPSI_COLD double spsi_bounds_longest(const spsi_bounds *bounds) {
     return longest;
 }
 
-/* World position of voxel coordinates; the first voxel's centre is (0.5, 0.5, 0.5). */
+/* The first voxel's centre is (0.5, 0.5, 0.5). */
 static void spsi_voxel_position(const spsi_lattice *lattice, const double at[3], double point[3]) {
     spsi_along(lattice->corner, lattice->step[0], at[0], point);
     spsi_along(point, lattice->step[1], at[1], point);
     spsi_along(point, lattice->step[2], at[2], point);
 }
 
-/* Kernel width along a unit direction, sqrt(s' V V' s); a cube's edge length. */
+/* Kernel width along a unit direction, sqrt(s' V V' s); a cube's edge. */
 SPSI_COLD double spsi_voxel_extent(const spsi_lattice *lattice, const double s[3]) {
     double sum = 0;
     for (int i = 0; i < 3; ++i) sum += spsi_dot(lattice->step[i], s) * spsi_dot(lattice->step[i], s);
     return sqrt(sum);
 }
 
-/* Minimum kernel width in the plane of two perpendicular unit vectors: root of the smaller eigenvalue of (x, y)' V V'
-   (x, y). */
+/* Minimum width in the plane of two perpendicular unit vectors: root of the smaller eigenvalue of (x, y)' V V' (x,
+   y). */
 SPSI_COLD double spsi_voxel_breadth(const spsi_lattice *lattice, const double x[3], const double y[3]) {
     double xx = 0, xy = 0, yy = 0;
     for (int i = 0; i < 3; ++i) {
@@ -4245,11 +4239,11 @@ SPSI_COLD double spsi_voxel_breadth(const spsi_lattice *lattice, const double x[
         xy += along_x * along_y;
         yy += along_y * along_y;
     }
-    /* product over larger eigenvalue: subtracting would lose a needle's width */
+    /* subtracting eigenvalues would lose a needle's width */
     return sqrt(spsi_dmax(xx * yy - xy * xy, 0) / (0.5 * (xx + yy) + sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)));
 }
 
-/* Copies a placement; all-zero axes become the identity. */
+/* All-zero axes become the identity. */
 SPSI_COLD void spsi_placement_resolve(const sps_placement *from, sps_placement *to) {
     const double *axes = &from->axis[0][0];
     int zero = 1;
@@ -4258,14 +4252,14 @@ SPSI_COLD void spsi_placement_resolve(const sps_placement *from, sps_placement *
     for (int i = 0; i < 3 && zero; ++i) to->axis[i][i] = 1;
 }
 
-/* A field, its bounds and the rule for errors. No value is valid if high < low. */
+/* No value is valid if high < low. */
 typedef struct spsi_bounded {
     const char *field;
     double value, low, high;
     const char *rule;
 } spsi_bounded;
 
-/* The object being checked; prefix of its fields, "" or "grid.". */
+/* prefix: start of field names, "" or "grid.". */
 typedef struct spsi_subject {
     sps_context *context;
     sps_object object;
@@ -4273,7 +4267,6 @@ typedef struct spsi_subject {
     const char *prefix;
 } spsi_subject;
 
-/* spsi_fail_field with the prefix. */
 static sps_result spsi_fail_member(const spsi_subject *at, sps_result result, const char *field, double value,
                                    const char *rule) {
     char member[64];
@@ -4285,12 +4278,11 @@ static sps_result spsi_wrong(const spsi_subject *at, const char *field, double v
     return spsi_fail_member(at, SPS_ERROR_ARGUMENT, field, value, rule);
 }
 
-/* spsi_fail_that with SPS_ERROR_ARGUMENT. */
 static sps_result spsi_wrong_that(const spsi_subject *at, const char *field, double value, const char *rest) {
     return spsi_fail_that(at->context, SPS_ERROR_ARGUMENT, at->object, at->index, field, value, rest);
 }
 
-/* Fails with the first field out of bounds or NaN. */
+/* Reports the first field out of bounds or NaN. */
 static sps_result spsi_check_bounded(const spsi_subject *at, const spsi_bounded *list, size_t count) {
     for (size_t i = 0; i < count; ++i)
         if (!(list[i].value >= list[i].low && list[i].value <= list[i].high))
@@ -4303,7 +4295,6 @@ SPSI_COLD sps_result spsi_check_vector(const spsi_subject *at, const char *field
     return bad ? spsi_wrong(at, field, *bad, "it must be within 1e15") : SPS_OK;
 }
 
-/* Names the first invalid element. */
 static sps_result spsi_check_list(const spsi_subject *at, const char *list, const double *v, int count) {
     const double *bad = spsi_bad_coordinate(v, count);
     char field[32];
@@ -4317,7 +4308,6 @@ static sps_result spsi_check_color(const spsi_subject *at, const char *field, co
     return spsi_check_rgb(at->context, SPS_ERROR_ARGUMENT, at->object, at->index, field, color, most);
 }
 
-/* Checks that a placement is finite and not flat. */
 SPSI_COLD sps_result spsi_check_placement(const spsi_subject *at, const sps_placement *placement) {
     const double determinant = spsi_determinant(placement->axis[0], placement->axis[1], placement->axis[2]);
     double room = 1e-14;
@@ -4360,7 +4350,7 @@ SPSI_COLD sps_result spsi_check_gas_colors(const spsi_subject *at, const float a
     return spsi_check_color(at, "emission", emission, SPSI_VALUE_MAX);
 }
 
-/* Checks an sps_grid: sps_grid_read cannot name fields. */
+/* Checks an sps_grid, since sps_grid_read cannot name fields. */
 SPSI_COLD sps_result spsi_check_array(const spsi_subject *at, const sps_volume *volume) {
     const spsi_subject part = {at->context, at->object, at->index, "grid."};
     const sps_grid *grid = (const sps_grid *)volume->user;
@@ -4407,7 +4397,7 @@ SPSI_COLD sps_result spsi_check_volume(sps_context *context, const sps_volume *v
     return volume->transfer ? SPS_OK : spsi_check_gas_colors(&at, volume->albedo, volume->emission);
 }
 
-/* Checks an sps_indexed_mesh: its read function cannot name fields. */
+/* Checks an sps_indexed_mesh, since its read function cannot name fields. */
 SPSI_COLD sps_result spsi_check_indexed(const spsi_subject *at, const sps_mesh *mesh) {
     const spsi_subject part = {at->context, at->object, at->index, "arrays."};
     const sps_indexed_mesh *arrays = (const sps_indexed_mesh *)mesh->user;
@@ -4451,14 +4441,14 @@ SPSI_COLD sps_result spsi_check_set(sps_context *context, const sps_particles *s
     return spsi_check_gas_colors(&at, set->albedo, set->emission);
 }
 
-/* Settings of a light's shadow_map; of a standalone map if light < 0. */
+/* Settings of a light's map; of a standalone one if light < 0. */
 static spsi_subject spsi_settings_of(sps_context *context, int light) {
     const spsi_subject at = {context, light < 0 ? SPS_OBJECT_TMAP_SETTINGS : SPS_OBJECT_LIGHT, light,
                              light < 0 ? "" : "shadow_map."};
     return at;
 }
 
-/* Checks the number of components, range included; 0: the technique decides. */
+/* 0: the technique decides. */
 SPSI_COLD sps_result spsi_check_components(const spsi_subject *at, const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     const int least = spsi_components_least(settings), n = settings->components;
@@ -4509,8 +4499,7 @@ SPSI_COLD sps_result spsi_check_settings(const spsi_subject *at, const sps_tmap_
     return spsi_check_planes(at, &resolved);
 }
 
-/* Checks a light's shadow_map: its source must match, its depth range is fitted to the medium, and surfaces use depth
-   maps of their own. */
+/* The technique must match shadow_source. Depth ranges are fitted; surfaces have depth maps of their own. */
 SPSI_COLD sps_result spsi_check_shadow_map(const spsi_subject *at, const sps_light *light) {
     const sps_tmap_settings *settings = light->shadow_map;
     const spsi_subject part = spsi_settings_of(at->context, at->index);
@@ -4529,7 +4518,6 @@ SPSI_COLD sps_result spsi_check_shadow_map(const spsi_subject *at, const sps_lig
     return spsi_check_bounded(&part, own, sizeof own / sizeof *own);
 }
 
-/* True if this is an area light. */
 SPSI_COLD int spsi_light_extended(const sps_light *light) {
     if (light->kind == SPS_LIGHT_DIRECTIONAL) return light->angular_diameter > 0;
     if (light->kind == SPS_LIGHT_POINT) return 0;
@@ -4600,7 +4588,7 @@ SPSI_COLD sps_result spsi_check_light(sps_context *context, const sps_light *lig
         return context->result;
     memcpy(direction, light->direction, sizeof direction);
     if ((directional || light->outer_cone > 0 || light->projector) && !spsi_normalise(direction)) {
-        int k = 0; /* the one that is not finite, or the last of three zeros */
+        int k = 0; /* not finite, or the last zero */
         while (k < 2 && fabs(direction[k]) <= DBL_MAX) ++k;
         return spsi_wrong(&at, "direction", direction[k], "it must be finite and have a length");
     }
@@ -4673,10 +4661,10 @@ SPSI_COLD sps_result spsi_check_sampling(const spsi_subject *at, const int size[
     return spsi_check_bounded(at, numbers, sizeof numbers / sizeof *numbers);
 }
 
-#define SPSI_COVERAGE_MAX 8 /* per side of a pixel; masks have 64 bits */
+#define SPSI_COVERAGE_MAX 8 /* per side; masks have 64 bits */
 
-#define SPSI_CELL_SIDE_MOST 256 /* along the longest side of a grid */
-#define SPSI_CELL_GRIDS     4   /* maximum number of grids, >>lighting */
+#define SPSI_CELL_SIDE_MOST 256 /* longest side */
+#define SPSI_CELL_GRIDS     4   /* maximum, >>lighting */
 
 SPSI_COLD int spsi_has_region(const int r[4]) { return r[0] || r[1] || r[2] || r[3]; }
 
@@ -4749,7 +4737,7 @@ SPSI_COLD void spsi_resolve_quality(spsi_frame *frame) {
     if (!(frame->view.scattering_tolerance > 0)) frame->view.scattering_tolerance = 0.01f;
 }
 
-/* Expects width and height to be set. */
+/* Needs rays->width and height. */
 SPSI_COLD sps_result spsi_rays_build(sps_context *context, sps_object object, const sps_camera *camera,
                                      spsi_rays *rays) {
     const spsi_subject at = {context, object, -1, "camera."};
@@ -4782,7 +4770,7 @@ SPSI_COLD sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) 
     eye->height = view->height;
     if (spsi_rays_build(context, SPS_OBJECT_VIEW, &view->camera, eye)) return context->result;
     frame->has_matrix = view->camera.world_to_clip != NULL;
-    view->camera.world_to_clip = NULL; /* it belongs to the caller */
+    view->camera.world_to_clip = NULL; /* owned by the caller */
     eye->near_depth =
         frame->has_matrix && !eye->perspective && !(view->near_distance > 0) ? -HUGE_VAL : view->near_distance;
     spsi_resolve_quality(frame);
@@ -4810,13 +4798,13 @@ SPSI_COLD void spsi_material_lobes(const sps_lobe *lobes, int count, spsi_materi
     }
 }
 
-/* Adds the medium's own ambient light if that stands for multiple scattering. */
+/* Adds ambient light that stands in for multiple scattering. */
 SPSI_COLD void spsi_material_ambient(const spsi_frame *frame, const float ambient[3], spsi_material *material) {
     if (material->scatters && frame->view.scattering == SPS_SCATTERING_AMBIENT)
         memcpy(material->ambient, ambient, sizeof material->ambient);
 }
 
-/* Returns the channel of an equal material, or a new one. Emissive and classified ones have their own. */
+/* Equal materials use one channel, unless emissive or classified. */
 SPSI_COLD int spsi_take_material(spsi_frame *frame, const spsi_material *material) {
     spsi_matter *matter = &frame->matter;
     int channel = material->emits || material->table ? matter->material_count : 0;
@@ -4879,7 +4867,7 @@ SPSI_COLD void spsi_medium_build(const sps_volume *volume, int index, spsi_latti
         medium->given.concurrent = 1;
 }
 
-/* Grows bounds by a volume; margin in voxels. */
+/* margin: voxels. */
 static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bounds *bounds) {
     for (int corner = 0; corner < 8; ++corner) {
         double at[3], point[3];
@@ -4904,7 +4892,7 @@ SPSI_COLD sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *fram
         if (spsi_medium_place(context, volume, medium)) return context->result;
         frame->medium_count += 1;
         classified += volume->transfer != NULL;
-        frame->matter.light_channel_count |= !volume->transfer; /* channel 0: unclassified media */
+        frame->matter.light_channel_count |= !volume->transfer; /* channel 0: unclassified */
     }
     spsi_table *table = (spsi_table *)spsi_reserve(context, SPSI_BUFFER_TABLES, (size_t)classified, sizeof(spsi_table));
     if (!table) return context->result;
@@ -4927,7 +4915,7 @@ SPSI_COLD sps_result spsi_resolve_particles(sps_context *context, spsi_frame *fr
         if (frame->particles.set_count == SPSI_SETS_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particle_set_count",
                                    scene->particle_set_count, "at most 64 sets may hold particles");
-        /* both are at most SPSI_PARTICLES_MAX: fits a 32-bit size_t */
+        /* no overflow of a 32-bit size_t: both at most SPSI_PARTICLES_MAX */
         frame->particles.count += particles->count;
         if (frame->particles.count > SPSI_PARTICLES_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_PARTICLES, i, "count, with those before it,",
@@ -4959,7 +4947,7 @@ SPSI_COLD sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame
         spsi_placement_resolve(&scene->meshes[i].placement, &mesh.given.placement);
         if (spsi_check_placement(&at, &mesh.given.placement)) return context->result;
         if (mesh.given.triangle_count == 0) continue;
-        /* both are at most SPSI_FACES_MAX: fits a 32-bit size_t */
+        /* no overflow of a 32-bit size_t: both at most SPSI_FACES_MAX */
         meshes->triangle_count += mesh.given.triangle_count;
         meshes->textured_count += mesh.given.shade_fn ? mesh.given.triangle_count : 0;
         for (int c = 0; c < 3; ++c) {
@@ -4974,7 +4962,7 @@ SPSI_COLD sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame
     return SPS_OK;
 }
 
-/* Longer half axis of an ellipse with conjugate half axes u, v: larger singular value of (u v). */
+/* Longer half axis for conjugate half axes u, v: larger singular value of (u v). */
 SPSI_COLD double spsi_ellipse_radius(const double u[3], const double v[3]) {
     const double a = spsi_dot(u, u), b = spsi_dot(v, v), c = spsi_dot(u, v);
     return sqrt(0.5 * (a + b + sqrt((a - b) * (a - b) + 4 * c * c)));
@@ -5010,8 +4998,8 @@ SPSI_COLD void spsi_projection_build(const sps_light *light, const double direct
     projection->focus = projector->focus > 0 ? 1 / projector->focus : 0;
 }
 
-/* Moves a projection from the light's centre to one of its points, so that the cookie stays put on the plane in focus.
-   A directional light's plane contains its position. */
+/* Moves a projection from the light's centre to a point of it. The cookie stays put on the focal plane; for a
+   directional light, on that through its position. */
 static void spsi_projection_move(const spsi_light *centre, spsi_light *point) {
     spsi_projection *projection = &point->projection;
     const double *forward = projection->forward;
@@ -5028,8 +5016,8 @@ static void spsi_projection_move(const spsi_light *centre, spsi_light *point) {
     }
 }
 
-/* Point light at (x, y) of an area light. A directional light's disc is uniform in solid angle: 1 - cos grows with the
-   squared radius. */
+/* Point light at (x, y) of an area light. Directional discs are uniform in solid angle: 1 - cos grows with the squared
+   radius. */
 static void spsi_light_place(const spsi_light *light, double x, double y, spsi_light *point) {
     const spsi_light_extent *extent = &light->extent;
     *point = *light;
@@ -5051,8 +5039,8 @@ static void spsi_light_place(const spsi_light *light, double x, double y, spsi_l
     if (light->projection.exists) spsi_projection_move(light, point);
 }
 
-/* Spreads points evenly over an area light: Vogel's spiral for a disc [Vogel 1979], a golden-ratio lattice for a
-   rectangle. They are shifted so that their mean is the centre. */
+/* Spreads points evenly: a spiral on discs [Vogel 1979], a golden-ratio lattice on rectangles. They are shifted so that
+   their mean is the centre. */
 SPSI_COLD void spsi_extent_points(const spsi_light *light, int count, spsi_light *points) {
     double places[SPSI_POINTS_MAX][2], mean[2] = {0, 0};
     for (int i = 0; i < count; ++i) {
@@ -5076,7 +5064,7 @@ SPSI_COLD void spsi_light_build(const spsi_frame *frame, const sps_light *given,
     memcpy(light->color, given->color, sizeof light->color);
     light->samples = given->samples;
     light->cone.exists = outer > 0;
-    light->cone.none = spsi_dmax(2 * pow(sin(0.5 * outer), 2), 1e-30); /* narrower cones have no rim in floats */
+    light->cone.none = spsi_dmax(2 * pow(sin(0.5 * outer), 2), 1e-30); /* narrower: no rim in floats */
     light->cone.rim = spsi_dmax(2 * sin(0.5 * (outer + inner)) * sin(0.5 * (outer - inner)), 1e-7 * light->cone.none);
     spsi_basis(light->direction, light->across[0], light->across[1]);
     if (given->projector) spsi_projection_build(given, light->direction, &light->projection);
@@ -5095,10 +5083,9 @@ SPSI_COLD void spsi_light_build(const spsi_frame *frame, const sps_light *given,
     light->map_size = given->shadow_map_resolution > 0 ? given->shadow_map_resolution : frame->view.shadow_resolution;
 }
 
-#define SPSI_TABLES_MOST 13 /* tables per area light */
+#define SPSI_TABLES_MOST 13 /* per area light */
 
-/* Places the points of area lights. Squared distance varies slowly, so few points suffice for it; cones and cookies
-   need all. */
+/* Squared distance varies slowly: few points suffice, except with cones and cookies. */
 SPSI_COLD sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
     size_t count = 0;
     for (int i = 0; i < frame->lights.count; ++i) {
@@ -5181,7 +5168,7 @@ SPSI_COLD sps_result spsi_resolve_lights(sps_context *context, spsi_frame *frame
     return spsi_resolve_planes(context, frame) ? context->result : spsi_resolve_points(context, frame);
 }
 
-/* 1 if all colors are grey, so that one channel suffices; otherwise 3. */
+/* 1 if all colors are grey, otherwise 3. */
 SPSI_COLD int spsi_count_channels(const spsi_frame *frame) {
     int grey = spsi_grey(frame->given.ambient) && spsi_grey(frame->given.background) && !frame->given.background_fn;
     for (int i = 0; i < frame->lights.count; ++i)
@@ -5208,7 +5195,7 @@ SPSI_COLD void spsi_resolve_scene(spsi_frame *frame, const sps_scene *scene) {
     frame->channels = spsi_count_channels(frame);
 }
 
-/* Checks everything and fills a frame without reading any data. view may be NULL. Returns NULL on failure. */
+/* Checks everything, but reads no data. view may be NULL. Returns NULL on failure. */
 SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene, const sps_view *view,
                                        int wants_depth) {
     spsi_frame *frame = (spsi_frame *)spsi_reserve(context, SPSI_BUFFER_FRAME, 1, sizeof(spsi_frame));
@@ -5236,53 +5223,53 @@ SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *sc
 }
 
 /* =============================================================================================== >>gather
-   10 Relevant voxels. Volumes are read block by block. Relevant voxels go into bricks of 8^3, 16 bytes per voxel, in
-   segments that never move. An unclassified voxel is relevant if it is not 0. A classified one must lie within two
-   voxels of a visible place, where any value up to the maximum of 3^3 neighbours has extinction. Two voxels cover 99.6
-   % of a kernel's weight. Cost: linear in voxels read. */
+   10 Relevant voxels. Volumes are read in blocks; relevant voxels go into bricks of 8^3, 16 bytes each, in segments
+   that never move. Unclassified voxels are relevant if not 0. Classified ones lie within two voxels of a place where
+   some value up to the maximum of 3^3 neighbours has extinction. Two voxels cover 99.6 % of a kernel's weight. Cost:
+   linear in voxels read. */
 
-#define SPSI_SEGMENT 16384 /* voxels; bricks do not straddle segments */
-#define SPSI_PADDING 16    /* floats after the last voxel, for whole vector loads */
+#define SPSI_SEGMENT 16384 /* voxels; a brick is in one segment */
+#define SPSI_PADDING 16    /* floats after the last voxel, for vector loads */
 
 typedef struct spsi_segment {
     float x[SPSI_SEGMENT + SPSI_PADDING], y[SPSI_SEGMENT + SPSI_PADDING],
         z[SPSI_SEGMENT + SPSI_PADDING]; /* steps from the brick's first voxel */
     float value[SPSI_SEGMENT + SPSI_PADDING];
-    int used; /* voxels */
+    int used;
 } spsi_segment;
 
 typedef struct spsi_brick {
     int lattice, base[3];          /* first voxel */
     unsigned char low[3], high[3]; /* range of its voxels' steps */
-    int segment, first, count;     /* voxels in the segment */
+    int segment, first, count;     /* range of voxels in a segment */
     float most;                    /* maximum value */
 } spsi_brick;
 
 typedef struct spsi_block {
     const spsi_medium *medium;
     const spsi_material *material;
-    int low[3], size[3];           /* voxels to read: core plus margin, clipped to the volume */
+    int low[3], size[3];           /* core plus margin, clipped to the volume */
     int core_low[3], core_high[3]; /* voxels to gather */
-    int empty;                     /* 1: range_fn rules out relevant voxels */
-    int range_calls, calls;        /* number of range_fn calls; of read_fn or eval_fn calls */
+    int empty;                     /* 1: nothing relevant, by range_fn */
+    int range_calls, calls;        /* number of range_fn calls; of other callbacks */
     int voxels_read, replaced;     /* replaced: invalid values */
-    sps_result result;             /* SPS_ERROR_CALLBACK; SPS_ERROR_DATA: invalid value */
+    sps_result result;             /* SPS_ERROR_CALLBACK, or SPS_ERROR_DATA */
     const char *field;             /* callback, or "value" */
-    double number;                 /* its result, or the value */
-    int voxel[3];                  /* location of that value */
+    double number;                 /* its result, or the invalid value */
+    int voxel[3];                  /* location of the invalid value */
 } spsi_block;
 
 #define SPSI_BLOCK_EDGE   (SPSI_BLOCK + 2 * SPSI_MARGIN)
 #define SPSI_BLOCK_ROWS   (SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE)
 #define SPSI_BLOCK_BRICKS ((SPSI_BLOCK / SPSI_BRICK) * (SPSI_BLOCK / SPSI_BRICK) * (SPSI_BLOCK / SPSI_BRICK))
 
-/* A block with its voxels. Row masks: lowest bit is the first voxel. */
+/* Row masks begin at the lowest bit. */
 typedef struct spsi_voxels {
     spsi_block block;
-    int brick_voxels[SPSI_BLOCK_BRICKS]; /* relevant voxels per brick */
-    int first_brick, brick_count;        /* its bricks in the context's list */
+    int brick_voxels[SPSI_BLOCK_BRICKS]; /* relevant ones per brick */
+    int first_brick, brick_count;        /* bricks in the context's list */
     uint64_t relevant[SPSI_BLOCK_ROWS], shown[SPSI_BLOCK_ROWS];
-    double positions[3 * SPSI_BLOCK_ROWS]; /* of one layer, for eval_fn */
+    double positions[3 * SPSI_BLOCK_ROWS]; /* one layer, for eval_fn */
     float values[SPSI_BLOCK_ROWS * SPSI_BLOCK_EDGE];
 } spsi_voxels;
 
@@ -5316,13 +5303,12 @@ static size_t spsi_block_index(const spsi_block *block, int x, int y, int z) {
     return (size_t)(x - block->low[0]) + (size_t)block->size[0] * spsi_block_row(block, y, z);
 }
 
-/* Stores a callback's result for spsi_block_check, since workers must not report errors. Returns 1 on failure. */
+/* Stores a callback's result, as workers do not report errors. Returns 1 on failure. */
 static int spsi_block_called(spsi_block *block, const char *callback, int returned) {
     if (returned) block->result = SPS_ERROR_CALLBACK, block->field = callback, block->number = returned;
     return returned != 0;
 }
 
-/* Sets `empty` if range_fn rules out relevant voxels. */
 static void spsi_block_range(spsi_block *block) {
     const sps_volume *volume = &block->medium->given;
     float range[2] = {0, 0};
@@ -5353,7 +5339,7 @@ static void spsi_block_evaluate(spsi_voxels *voxels) {
     }
 }
 
-/* Reads a block. With `asks`, range_fn may skip it. */
+/* asks: try range_fn first. */
 static void spsi_block_read(spsi_voxels *voxels, int asks) {
     spsi_block *block = &voxels->block;
     const sps_volume *volume = &block->medium->given;
@@ -5370,7 +5356,7 @@ static void spsi_block_read(spsi_voxels *voxels, int asks) {
     if (block->result == SPS_OK) block->voxels_read = count;
 }
 
-/* Mask of lanes outside 0..1e18, NaN included. */
+/* Mask of lanes outside 0..1e18 or NaN. */
 static inline int spsi_invalid_bits(spsi_v value) {
     const int numbers = spsi_bits(spsi_less(value, spsi_set(SPSI_INFINITY)));
     const int low = spsi_bits(spsi_less(value, spsi_set(0)));
@@ -5419,7 +5405,7 @@ SPSI_COLD void spsi_block_count_up(sps_stats_report *stats, const spsi_block *bl
     stats->values_replaced += (uint64_t)block->replaced;
 }
 
-/* --- reading blocks in batches --- */
+/* --- reading blocks --- */
 
 typedef struct spsi_reader {
     const sps_context *context;
@@ -5429,12 +5415,12 @@ typedef struct spsi_reader {
     int replace;            /* 1: invalid values count as 0 */
     spsi_call_stage part;   /* progress of this volume */
     int64_t block_count;
-    int at_once;            /* maximum blocks in memory */
+    int at_once;            /* maximum in memory */
     spsi_voxels *list;
-    int count;              /* length of `list` */
+    int count;
 } spsi_reader;
 
-/* Several blocks per worker even out the load. */
+/* Several per worker balance the load. */
 SPSI_COLD int spsi_blocks_at_once(const sps_context *context, const spsi_medium *medium) {
     const int workers = spsi_worker_count(context), most = workers > 1 ? 4 * workers : 1;
     const int64_t count = spsi_block_count(medium);
@@ -5451,7 +5437,7 @@ SPSI_COLD sps_result spsi_reader_open(sps_context *context, spsi_reader *reader)
     return reader->list ? SPS_OK : context->result;
 }
 
-/* A valid block of the list; NULL if empty or failed. Concurrent volumes are read here. */
+/* NULL if the block is empty or invalid. Reads it if the volume is concurrent. */
 static spsi_voxels *spsi_reader_values(const spsi_reader *reader, int index) {
     spsi_voxels *voxels = &reader->list[index];
     if (reader->medium->given.concurrent) spsi_block_read(voxels, reader->asks);
@@ -5459,7 +5445,7 @@ static spsi_voxels *spsi_reader_values(const spsi_reader *reader, int index) {
     return voxels->block.voxels_read > 0 && voxels->block.result == SPS_OK ? voxels : NULL;
 }
 
-/* Reads the blocks of the list if callbacks must not run concurrently, up to the first failure. */
+/* Reads blocks whose callbacks are not concurrent, up to the first failure. */
 SPSI_COLD sps_result spsi_reader_read(sps_context *context, spsi_reader *reader, int64_t first) {
     for (int i = 0; i < reader->count; ++i) {
         const double done = (double)(first + i) / (double)reader->block_count;
@@ -5471,8 +5457,8 @@ SPSI_COLD sps_result spsi_reader_read(sps_context *context, spsi_reader *reader,
     return SPS_OK;
 }
 
-/* Reads a batch from block `first` on and runs a task per block, which calls spsi_reader_values. Errors and statistics
-   stop at the first failed block, so they do not depend on the number of workers. */
+/* Reads blocks from `first` on, and runs a task on each, which calls spsi_reader_values. Errors and statistics end at
+   the first failed block, whatever the number of workers. */
 SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader, int64_t first, sps_task_fn task,
                                       void *data) {
     const int64_t left = reader->block_count - first;
@@ -5490,8 +5476,7 @@ SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader,
 
 /* --- the relevant voxels of a block --- */
 
-/* Marks voxels that are not 0 as relevant, and voxels that the transfer function may show as shown. Returns 1 if there
-   are any. */
+/* Marks non-zero voxels as relevant, and voxels that the transfer function may show. Returns 1 if any matter. */
 static int spsi_block_mark(spsi_voxels *voxels) {
     const spsi_material *material = voxels->block.material;
     const int width = voxels->block.size[0], rows = voxels->block.size[1] * voxels->block.size[2];
@@ -5514,7 +5499,7 @@ static int spsi_block_mark(spsi_voxels *voxels) {
     return any != 0;
 }
 
-/* Dilates masks by SPSI_MARGIN rows; rows are `step` apart. */
+/* Dilates masks by SPSI_MARGIN rows, `step` apart. */
 static void spsi_rows_spread(uint64_t *rows, int count, int step) {
     uint64_t line[SPSI_BLOCK_EDGE + 2 * SPSI_MARGIN] = {0};
     for (int i = 0; i < count; ++i) line[SPSI_MARGIN + i] = rows[i * step];
@@ -5522,8 +5507,8 @@ static void spsi_rows_spread(uint64_t *rows, int count, int step) {
         for (int k = 0; k <= 2 * SPSI_MARGIN; ++k) rows[i * step] |= line[i + k];
 }
 
-/* Keeps voxels within three voxels of a visible value. One voxel: the kernel sum may pass through visible values on its
-   slope to 0. Two more: the kernels that reach there. */
+/* Keeps voxels within three voxels of a visible value. One, because sums pass visible values on their slope to 0; two
+   more for kernels that contribute there. */
 static void spsi_block_spread(spsi_voxels *voxels) {
     const int height = voxels->block.size[1], depth = voxels->block.size[2];
     for (int row = 0; row < height * depth; ++row) {
@@ -5535,7 +5520,7 @@ static void spsi_block_spread(spsi_voxels *voxels) {
     for (int row = 0; row < height * depth; ++row) voxels->relevant[row] &= voxels->shown[row];
 }
 
-/* Finds a brick's first voxel. Returns 0 if it is outside of the volume. */
+/* First voxel of a brick. Returns 0 if outside of the volume. */
 static int spsi_block_brick(const spsi_block *block, int number, int base[3]) {
     const int edge = SPSI_BLOCK / SPSI_BRICK;
     int inside = 1;
@@ -5546,7 +5531,7 @@ static int spsi_block_brick(const spsi_block *block, int number, int base[3]) {
     return inside;
 }
 
-/* Mask of relevant voxels in a brick's layer, 8 rows of 8 bits. */
+/* Relevant voxels of a brick's layer: 8 rows of 8 bits. */
 static uint64_t spsi_brick_layer(const spsi_voxels *voxels, const int base[3], int z) {
     const spsi_block *block = &voxels->block;
     const int height = spsi_imin(SPSI_BRICK, block->core_high[1] - base[1]);
@@ -5558,7 +5543,7 @@ static uint64_t spsi_brick_layer(const spsi_voxels *voxels, const int base[3], i
     return layer;
 }
 
-/* Reads a block and counts its relevant voxels. */
+/* Reads a block and counts relevant voxels. */
 static void spsi_block_task(void *data, int index, int worker) {
     const spsi_reader *reader = (const spsi_reader *)data;
     spsi_voxels *voxels = spsi_reader_values(reader, index);
@@ -5579,7 +5564,7 @@ static spsi_segment *spsi_segment_at(const sps_context *context, int index) {
     return ((spsi_segment **)context->buffers[SPSI_BUFFER_SEGMENTS].data)[index];
 }
 
-/* Segment with room for a whole brick; advances `current` when full. NULL on failure. */
+/* Segment with room for a whole brick; advances `current`. NULL on failure. */
 SPSI_COLD spsi_segment *spsi_segment_with_room(sps_context *context, int *current) {
     const int whole = SPSI_BRICK * SPSI_BRICK * SPSI_BRICK;
     spsi_segment *segment = *current < 0 ? NULL : spsi_segment_at(context, *current);
@@ -5598,7 +5583,7 @@ SPSI_COLD spsi_segment *spsi_segment_with_room(sps_context *context, int *curren
     return segment;
 }
 
-/* Reserves bricks and voxel ranges for a block, so that workers can fill them. */
+/* Reserves bricks and their voxels for workers to fill. */
 SPSI_COLD sps_result spsi_block_add_bricks(sps_context *context, spsi_voxels *voxels, int lattice, int *current) {
     voxels->first_brick = context->brick_count;
     for (int i = 0; i < SPSI_BLOCK_BRICKS; ++i) {
@@ -5623,7 +5608,7 @@ SPSI_COLD sps_result spsi_block_add_bricks(sps_context *context, spsi_voxels *vo
     return SPS_OK;
 }
 
-/* steps: masks of occupied x, y and z. */
+/* steps: masks of occupied x, y, z. */
 static void spsi_brick_bound(spsi_brick *brick, const uint64_t steps[3]) {
     for (int k = 0; k < 3; ++k) {
         int low = 0, high = SPSI_BRICK - 1;
@@ -5634,7 +5619,7 @@ static void spsi_brick_bound(spsi_brick *brick, const uint64_t steps[3]) {
     }
 }
 
-/* Copies a brick's voxels and zeroes the padding after a segment's last ones. */
+/* Copies voxels, and zeroes a segment's padding. */
 static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, spsi_brick *brick) {
     uint64_t steps[3] = {0, 0, 0};
     int at = brick->first;
@@ -5689,7 +5674,7 @@ SPSI_COLD sps_result spsi_gather_medium(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Hash of everything that decides which voxels are stored; 0 if a volume has no revision. */
+/* Hash of everything that decides the stored voxels; 0 without a revision. */
 static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->given.replace_invalid, sizeof(int));
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -5711,7 +5696,7 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     return hash | 1;
 }
 
-/* Hashes a brick's voxels and position. Four independent sums hide the latency. */
+/* Four independent sums hide latency. */
 static void spsi_brick_fingerprints_task(void *data, int index) {
     const sps_context *context = (const sps_context *)data;
     const spsi_brick *brick = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data + index;
@@ -5730,7 +5715,6 @@ static void spsi_brick_fingerprints_task(void *data, int index) {
     prints[index] = sums[0];
 }
 
-/* Computes the fingerprints of all bricks unless cached. */
 SPSI_COLD sps_result spsi_brick_fingerprints(sps_context *context) {
     if (context->bricks_printed) return SPS_OK;
     if (!spsi_reserve(context, SPSI_BUFFER_BRICK_FINGERPRINTS, (size_t)context->brick_count, sizeof(uint64_t)))
@@ -5740,7 +5724,6 @@ SPSI_COLD sps_result spsi_brick_fingerprints(sps_context *context) {
     return SPS_OK;
 }
 
-/* World bounds of a brick's kernels. */
 SPSI_COLD void spsi_brick_bounds(const spsi_frame *frame, const spsi_brick *brick, spsi_bounds *bounds) {
     *bounds = spsi_nowhere;
     for (int corner = 0; corner < 8; ++corner) {
@@ -5752,7 +5735,7 @@ SPSI_COLD void spsi_brick_bounds(const spsi_frame *frame, const spsi_brick *bric
     }
 }
 
-/* World bounds of all kernels; empty if there are none. */
+/* World bounds of all kernels; may be empty. */
 SPSI_COLD void spsi_bricks_bounds(const sps_context *context, const spsi_frame *frame, spsi_bounds *bounds) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     *bounds = spsi_nowhere;
@@ -5763,7 +5746,6 @@ SPSI_COLD void spsi_bricks_bounds(const sps_context *context, const spsi_frame *
     }
 }
 
-/* Reports to the caller how many inputs were replaced. */
 SPSI_COLD void spsi_tell_replaced(const sps_context *context, uint64_t before, const char *what) {
     const double replaced = (double)(context->stats.values_replaced - before);
     char text[96];
@@ -5773,12 +5755,11 @@ SPSI_COLD void spsi_tell_replaced(const sps_context *context, uint64_t before, c
 
 #define SPSI_VALUES_REPLACED "values of volumes were invalid and count as 0"
 
-/* True if the cached voxels match this frame. */
 static int spsi_volumes_held(const sps_context *context, const spsi_frame *frame) {
     return context->gathered != 0 && context->gathered == spsi_volumes_fingerprint(frame);
 }
 
-/* Reads the relevant voxels of all volumes unless cached. */
+/* Reads all volumes' relevant voxels unless cached. */
 SPSI_COLD sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
     const uint64_t replaced = context->stats.values_replaced;
     if (!spsi_volumes_held(context, frame)) {
@@ -5801,9 +5782,9 @@ SPSI_COLD sps_result spsi_gather(sps_context *context, const spsi_frame *frame) 
 
 /* ---- particles ---- */
 
-#define SPSI_PARTICLE_BATCH 4096 /* particles per read_fn call */
+#define SPSI_PARTICLE_BATCH 4096 /* per read_fn call */
 
-/* Name of an invalid field, with its rule and value; NULL if all are valid. */
+/* Invalid field of a particle, with rule and value; NULL if valid. */
 SPSI_COLD const char *spsi_particle_wrong(const sps_particle *particle, const char **rule, double *value) {
     for (int i = 0; i < 3; ++i) {
         *value = (double)particle->position[i];
@@ -5838,12 +5819,12 @@ SPSI_COLD sps_result spsi_particles_validate(sps_context *context, const spsi_pa
     return SPS_OK;
 }
 
-/* Reads a set of particles, dropping empty ones. */
+/* Reads a set, dropping empty particles. */
 SPSI_COLD sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame, const spsi_particle_set *set,
                                      size_t *read, sps_particle *list) {
     for (size_t first = 0; first < set->given.count; first += SPSI_PARTICLE_BATCH) {
         const size_t left = set->given.count - first, count = left < SPSI_PARTICLE_BATCH ? left : SPSI_PARTICLE_BATCH;
-        sps_particle *batch = list + frame->content->particle_count; /* there is room: no more were kept than read */
+        sps_particle *batch = list + frame->content->particle_count; /* room suffices: kept no more than read */
         if (spsi_progress(context, SPSI_PROGRESS_GATHER * (double)*read / (double)frame->particles.count))
             return context->result;
         memset(batch, 0, count * sizeof *batch);
@@ -5876,9 +5857,8 @@ SPSI_COLD void spsi_particle_bounds(const sps_particle *particle, spsi_bounds *b
     }
 }
 
-/* Mean extinction of particles: individual ones, weighted by approximate coverage, or all mixed in the volume of their
-   spread, whichever is larger. A cube of edge a has a spread of a / 2. Soft particles count as slightly thinner. At
-   most 8192 are sampled. */
+/* Mean extinction: of particles weighted by coverage, or mixed over their spread, whichever is larger. A cube of edge a
+   has a spread of a / 2. Soft particles count slightly thinner. At most 8192 are sampled. */
 static double spsi_measure_extinction(const spsi_frame *frame) {
     const spsi_content *content = frame->content;
     const int step = 1 + content->particle_count / 8192;
@@ -5899,7 +5879,7 @@ static double spsi_measure_extinction(const spsi_frame *frame) {
     return covered > 0 && volume > 0 ? spsi_dmax(mass / volume, sum / covered) : 0;
 }
 
-/* Measures bounds, mean radius, spread and extinction. Means are robust against stray particles. */
+/* Bounds and means; stray particles hardly change means. */
 SPSI_COLD void spsi_measure_particles(const spsi_frame *frame) {
     double logs = 0, sum[3] = {0, 0, 0}, squares = 0, origin[3];
     if (frame->content->particle_count == 0) return;
@@ -5939,7 +5919,7 @@ SPSI_COLD sps_result spsi_gather_particles(sps_context *context, const spsi_fram
     return SPS_OK;
 }
 
-/* Finds an item's list among `count` consecutive lists by binary search. Their ends are `apart` ints apart. */
+/* Binary search for an item's list. Lists are consecutive; ends are `apart` ints apart. */
 static int spsi_list_of(const int *ends, int apart, int count, int item) {
     int low = 0, high = count - 1;
     while (low < high) {
@@ -5956,35 +5936,34 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
     return &frame->particles.sets[spsi_list_of(frame->content->set_ends, 1, frame->particles.set_count, particle)];
 }
 
-/* --- a bound of multiple scattering --- */
+/* --- bound of multiple scattering --- */
 
-#define SPSI_BOUND_NONE 1e6 /* no bound: multiple per single scattering */
+#define SPSI_BOUND_NONE 1e6 /* bound if nothing limits it, per single scattering */
 
-/* True if media may scatter light repeatedly, light polygons or shadow them. */
+/* True if media may scatter light again, light polygons or shadow them. */
 static int spsi_light_meets_gas(const spsi_frame *frame) {
     const int own = frame->matter.emits || frame->has_ambient, polygons = frame->meshes.triangle_count > 0;
     const int lit = own || frame->lights.shadow_count > 0 || (frame->lights.count > 0 && polygons);
-    const int gas = frame->medium_count + frame->particles.set_count; /* some may not scatter */
+    const int gas = frame->medium_count + frame->particles.set_count; /* may not scatter */
     return (lit && frame->matter.scatters) || (own && gas > 0 && polygons);
 }
 
-/* Coarse grid of upper bounds of extinction. A straight segment advances by at least 1 / sqrt 3 of its length along
-   some axis. Its optical depth is at most sqrt 3 times the integral of the plane maxima along that axis. */
+/* Upper bounds of extinction. A straight segment covers at least 1 / sqrt 3 of its length along some axis. So its
+   optical depth is at most sqrt 3 times the integral of plane maxima along that axis. */
 typedef struct spsi_bound_grid {
     spsi_bounds bounds;
     int side;         /* cells per axis */
     double edge[3];   /* cell edges */
-    float *all, *own; /* of all media; of one volume */
+    float *all, *own; /* all media; one volume */
 } spsi_bound_grid;
 
 #define SPSI_BOUND_SIDE   32
-#define SPSI_BOUND_COARSE 4   /* edge of a coarse cell, in cells */
-#define SPSI_BOUND_FEW    256 /* up to so many particles may touch any number of cells */
-#define SPSI_BOUND_MOST   512 /* otherwise, cells per particle; larger ones go to coarse cells */
+#define SPSI_BOUND_COARSE 4   /* fine cells per coarse edge */
+#define SPSI_BOUND_FEW    256 /* so few particles may touch any number of cells */
+#define SPSI_BOUND_MOST   512 /* cells per particle otherwise; larger ones use coarse cells */
 #define SPSI_BOUND_CELLS  (SPSI_BOUND_SIDE * SPSI_BOUND_SIDE * SPSI_BOUND_SIDE)
 #define SPSI_BOUND_BYTES  (2 * SPSI_BOUND_CELLS * sizeof(float))
 
-/* Range of cells that a box touches. */
 SPSI_COLD void spsi_bound_range(const spsi_bound_grid *grid, const spsi_bounds *box, int low[3], int high[3]) {
     for (int k = 0; k < 3; ++k) {
         const double a = (box->low[k] - grid->bounds.low[k]) / grid->edge[k];
@@ -5994,7 +5973,6 @@ SPSI_COLD void spsi_bound_range(const spsi_bound_grid *grid, const spsi_bounds *
     }
 }
 
-/* Raises one volume's bound in a box. */
 SPSI_COLD void spsi_bound_raise(const spsi_bound_grid *grid, const spsi_bounds *box, float extinction) {
     int low[3], high[3];
     spsi_bound_range(grid, box, low, high);
@@ -6006,7 +5984,7 @@ SPSI_COLD void spsi_bound_raise(const spsi_bound_grid *grid, const spsi_bounds *
             }
 }
 
-/* Maximum extinction over all values up to the brick's maximum, which kernel sums do not exceed. */
+/* Maximum extinction up to the brick's maximum value, which kernels do not exceed. */
 SPSI_COLD float spsi_brick_extinction(const spsi_material *material, const spsi_brick *brick) {
     float extinction = 0;
     if (!material->table) return brick->most * material->extinction;
@@ -6015,8 +5993,8 @@ SPSI_COLD float spsi_brick_extinction(const spsi_material *material, const spsi_
     return extinction;
 }
 
-/* Adds a particle to the cells that it touches, with the density nearest to its centre, limited by its total depth.
-   Returns 0 if these are more than `touched`. */
+/* Adds a particle to cells, each with its maximum density there, limited by total depth. Returns 0 if it touches more
+   than `touched`. */
 SPSI_COLD int spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_particle *particle,
                                       const spsi_particle_set *set, int touched) {
     const double radius = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2;
@@ -6045,7 +6023,7 @@ SPSI_COLD int spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_par
     return 1;
 }
 
-/* Upper bound of optical depth on a straight segment through the grid. */
+/* Upper bound of depth on straight segments. */
 SPSI_COLD double spsi_bound_depth(const spsi_bound_grid *grid) {
     double most = 0;
     for (int axis = 0; axis < 3; ++axis) {
@@ -6077,7 +6055,7 @@ SPSI_COLD void spsi_bound_add_volumes(const sps_context *context, const spsi_fra
     }
 }
 
-/* Adds all particles; if there are many, large ones go to a coarse grid. Returns the bound over both grids. */
+/* Returns the bound over fine and coarse cells. */
 SPSI_COLD double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bound_grid *grid) {
     const int most = frame->content->particle_count <= SPSI_BOUND_FEW ? SPSI_BOUND_CELLS : SPSI_BOUND_MOST;
     spsi_bound_grid coarse = *grid;
@@ -6094,7 +6072,7 @@ SPSI_COLD double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bo
     return spsi_bound_depth(grid) + spsi_bound_depth(&coarse);
 }
 
-/* Upper bound of optical depth on any straight segment; -1 on failure. */
+/* Upper bound of optical depth on any segment; -1 on failure. */
 SPSI_COLD double spsi_densest_way(sps_context *context, const spsi_frame *frame) {
     float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_BOUND_GRID, 1, SPSI_BOUND_BYTES);
     if (!memory) return -1;
@@ -6107,7 +6085,7 @@ SPSI_COLD double spsi_densest_way(sps_context *context, const spsi_frame *frame)
     return spsi_bound_add_particles(frame, &grid);
 }
 
-/* Maximum albedo; 1 if there is ambient light to be shadowed. */
+/* Maximum albedo; 1 with ambient light, which media shadow. */
 SPSI_COLD double spsi_largest_albedo(const spsi_frame *frame) {
     float most = frame->has_ambient ? 1 : 0;
     for (int m = 0; m < frame->matter.material_count; ++m) {
@@ -6126,9 +6104,9 @@ SPSI_COLD int spsi_polygons_scatter(const spsi_frame *frame) {
     return frame->meshes.triangle_count > 0 && (frame->matter.scatters || frame->matter.emits);
 }
 
-/* Resolves SPS_SCATTERING_AUTO. Each order of scattering is at most x times the last: x = max albedo * (1 - exp(-t)), t
-   bounding optical depth. So multiple scattering is at most x / (1 - x) of single scattering. Beside polygons there is
-   no bound. */
+/* Resolves SPS_SCATTERING_AUTO. Each order is at most x times the last, x = max albedo * (1 - exp(-t)), where t bounds
+   optical depth. So multiple scattering is at most x / (1 - x) of single scattering; with polygons there is no
+   bound. */
 SPSI_COLD sps_result spsi_decide_scattering(sps_context *context, spsi_frame *frame, double *bound) {
     *bound = 0;
     if (frame->view.scattering != SPS_SCATTERING_AUTO) return SPS_OK;
@@ -6145,24 +6123,23 @@ SPSI_COLD sps_result spsi_decide_scattering(sps_context *context, spsi_frame *fr
 }
 
 /* ================================================================================================ >>trees
-   11 Bounding volume hierarchies of triangles and of the reference's particles. Built top-down with the surface area
-   heuristic: 16 bins along the axis of widest centres [Wald 2007]. Its area term separates outliers at once, such as a
-   ground a million times as wide as its objects. Boxes are floats relative to a centre, rounded outwards; rays are
-   padded by their round-off. So no box is missed, and an exact test follows. Cost: items times levels, 0.3 us per item
-   for a million; 36 bytes per item, 28 more while building. */
+   11 Bounding volume hierarchies of triangles and of the reference's particles. Built top-down by the surface area
+   heuristic, 16 bins along the axis of widest centres [Wald 2007]. Even a ground a million times wider than its objects
+   is separated at once. Boxes are floats about a centre, rounded outwards, and rays are padded by round-off, so no box
+   is missed; exact tests follow. Cost: items times levels, 0.3 us per item for a million; 36 bytes per item, 28 more
+   while building. */
 
-#define SPSI_TREE_LEAF  4 /* maximum items; the minimum is 2 if the tree has more than 1 */
+#define SPSI_TREE_LEAF  4 /* maximum; the minimum is 2 unless the tree has 1 */
 #define SPSI_TREE_BINS  16
-#define SPSI_TREE_DEPTH 48 /* deeper nodes are halved: 2^31 items need at most 30 more levels */
+#define SPSI_TREE_DEPTH 48 /* deeper nodes are halved: 30 more levels for 2^31 items */
 #define SPSI_TREE_STACK 96
-#define SPSI_TREE_TASKS 64 /* approximate number of parallel subtrees */
+#define SPSI_TREE_TASKS 64 /* approximate parallel subtrees */
 
 typedef struct spsi_tree_node {
     float low[3], high[3];
-    int first, count; /* leaf: range of `order`; count 0: children are first and first + 1 */
+    int first, count; /* range of `order`; count 0: children first, first + 1 */
 } spsi_tree_node;
 
-/* Used while building. */
 typedef struct spsi_tree_item {
     float low[3], high[3];
     int number;
@@ -6170,16 +6147,15 @@ typedef struct spsi_tree_item {
 
 typedef struct spsi_tree {
     spsi_tree_node *nodes;
-    int *order, count; /* order: item numbers, leaf after leaf */
-    double centre[3];  /* origin of the boxes */
+    int *order, count; /* order: leaf after leaf */
+    double centre[3];  /* origin of boxes */
 } spsi_tree;
 
-/* A node to be split. */
 typedef struct spsi_tree_task {
     int node, depth;
 } spsi_tree_task;
 
-/* A float just above (1) or below (0) `a`, possibly not the next. */
+/* A float just above or below `a`, not always the next. */
 static float spsi_round_outward(double a, int above) {
     const double room = 1.2e-7 * fabs(a) + 1e-37;
     return (float)(above ? a + room : a - room);
@@ -6200,7 +6176,7 @@ static void spsi_tree_box_add(float low[3], float high[3], const float other_low
     }
 }
 
-/* Half the surface area. unit: 1 / the node's longest side, against overflow. */
+/* Half the area; unit: 1 / the node's longest side, against overflow. */
 static float spsi_tree_area(const float low[3], const float high[3], float unit) {
     const float x = (high[0] - low[0]) * unit, y = (high[1] - low[1]) * unit, z = (high[2] - low[2]) * unit;
     return x >= 0 ? x * y + y * z + z * x : 0;
@@ -6216,7 +6192,7 @@ typedef struct spsi_tree_bin {
     int count;
 } spsi_tree_bin;
 
-/* Items whose centres fall into bins 0..last come first. last < 0: no useful cut. */
+/* Bins 0..last come first. last < 0: no cut. */
 typedef struct spsi_tree_cut {
     int axis, last;
     float start, scale;
@@ -6228,7 +6204,7 @@ static inline int spsi_tree_bin_of(const spsi_tree_cut *cut, const spsi_tree_ite
 
 static const spsi_tree_bin spsi_tree_empty = {{FLT_MAX, FLT_MAX, FLT_MAX}, {-FLT_MAX, -FLT_MAX, -FLT_MAX}, 0};
 
-/* Best bin to cut after: sweeps from both ends. */
+/* Last bin before the cheapest cut. */
 static int spsi_tree_cheapest(const spsi_tree_bin *bins, float unit) {
     float cost[SPSI_TREE_BINS], least = FLT_MAX;
     int last = -1;
@@ -6248,7 +6224,6 @@ static int spsi_tree_cheapest(const spsi_tree_bin *bins, float unit) {
     return last;
 }
 
-/* Computes a node's box and chooses its cut. */
 static void spsi_tree_plan_cut(const spsi_tree_item *items, spsi_tree_node *node, int depth, spsi_tree_cut *cut) {
     float low[3] = {FLT_MAX, FLT_MAX, FLT_MAX}, high[3] = {-FLT_MAX, -FLT_MAX, -FLT_MAX}, size = 0;
     spsi_tree_bin bins[SPSI_TREE_BINS];
@@ -6277,7 +6252,7 @@ static void spsi_tree_plan_cut(const spsi_tree_item *items, spsi_tree_node *node
     cut->last = spsi_tree_cheapest(bins, 1 / size);
 }
 
-/* Partitions items first..end-1 in place. Returns the first item beyond the cut. */
+/* Partitions in place. Returns the first item after the cut. */
 static int spsi_tree_part(spsi_tree_item *items, int first, int end, const spsi_tree_cut *cut) {
     while (first < end) {
         if (spsi_tree_bin_of(cut, &items[first]) <= cut->last) {
@@ -6291,8 +6266,8 @@ static int spsi_tree_part(spsi_tree_item *items, int first, int end, const spsi_
     return first;
 }
 
-/* Makes a leaf, or splits a node and returns 1 with both child tasks. Each side has at least two items, so cuts are two
-   apart. Node storage then depends on the cut's position alone, not on the task that builds it. */
+/* Makes a leaf, or splits and returns 1. Each side gets two items, so cuts are two apart. Hence a cut's position alone
+   decides where its nodes are stored, whichever task builds them. */
 static int spsi_tree_split(spsi_tree *tree, spsi_tree_item *items, const spsi_tree_task *task,
                            spsi_tree_task next[2]) {
     spsi_tree_node *node = &tree->nodes[task->node], *children;
@@ -6335,10 +6310,10 @@ static void spsi_tree_task_run(void *data, int index) {
     }
 }
 
-/* Nodes to reserve for `count` items. */
+/* Nodes to reserve. */
 static size_t spsi_tree_nodes(size_t count) { return count + 2; }
 
-/* Reserves a tree. Returns its items to fill; NULL on failure. */
+/* Returns items to fill; NULL on failure. */
 static spsi_tree_item *spsi_tree_reserve(sps_context *context, spsi_buffer_id nodes, spsi_buffer_id order, int count,
                                          spsi_tree *tree) {
     const size_t all = (size_t)count;
@@ -6350,7 +6325,7 @@ static spsi_tree_item *spsi_tree_reserve(sps_context *context, spsi_buffer_id no
     return tree->nodes && tree->order ? items : NULL;
 }
 
-/* Builds a reserved tree: top nodes serially, subtrees in parallel. */
+/* Top nodes serially, subtrees in parallel. */
 static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tree_item *items) {
     spsi_tree_job job = {tree, items, {{0, 0}}, 1};
     const int few = spsi_imax(tree->count / SPSI_TREE_TASKS, 1024);
@@ -6377,7 +6352,7 @@ static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tr
 
 typedef struct spsi_ray {
     double origin[3], direction[3];
-    double low, high; /* segment, in lengths of `direction` */
+    double low, high; /* segment, in units of `direction` */
 } spsi_ray;
 
 static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const double high[3], double range[2]) {
@@ -6396,8 +6371,7 @@ static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const do
     return range[0] <= range[1];
 }
 
-/* Tests a ray of half width `half`. The margin covers round-off of placing boxes about the centre, and of the exact
-   tests of faces. */
+/* half: half width of the ray. The margin covers round-off of placing boxes and of exact tests. */
 static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const double half[3],
                                const spsi_tree_node *node) {
     double low[3], high[3], range[2], room = 0;
@@ -6411,12 +6385,11 @@ static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const
     return spsi_ray_meets_box(ray, low, high, range);
 }
 
-/* Traversal of a tree. */
 typedef struct spsi_walk {
     const spsi_tree *tree;
-    double half[3]; /* half width of the ray */
+    double half[3];
     int stack[SPSI_TREE_STACK], top;
-    int next, end; /* remaining entries of a leaf in `order` */
+    int next, end; /* range left in a leaf */
 } spsi_walk;
 
 static void spsi_walk_begin(const spsi_tree *tree, spsi_walk *walk) {
@@ -6426,7 +6399,7 @@ static void spsi_walk_begin(const spsi_tree *tree, spsi_walk *walk) {
     walk->top = tree->count > 0;
 }
 
-/* Next candidate item of the ray, which may have been shortened meanwhile; -1: none. */
+/* Next candidate, or -1. The ray may have been shortened. */
 static int spsi_walk_on(spsi_walk *walk, const spsi_ray *ray) {
     while (walk->next == walk->end) {
         if (walk->top == 0) return -1;
@@ -6442,28 +6415,27 @@ static int spsi_walk_on(spsi_walk *walk, const spsi_ray *ray) {
 }
 
 /* ============================================================================================= >>polygons
-   12 Rasterising triangles by homogeneous edge functions [Olano & Greer 1997]. With corners h0, h1, h2 in ray space, a
-   ray hits where all (h1 x h2) . (x, y, 1) have one sign. This needs no clipping, even behind the eye. If round-off
-   makes a sign uncertain, it is evaluated exactly: with corners moved so that the ray is (0, 0), it is a difference of
-   two products. Ties are broken by moving the ray by (e, e^2), e infinitesimal. Results depend only on ray and edge and
-   flip with its direction, so shared edges and corners leave no gaps or overlaps. Cost: triangles times tile rows to
-   cull, then three edge functions per pixel of the box. Rows are narrowed first; vectors inside a triangle are tested
-   at their ends only. */
+   12 Rasterisation by homogeneous edge functions [Olano & Greer 1997]. For corners h0, h1, h2 in ray space, a ray hits
+   if all (h1 x h2) . (x, y, 1) have one sign. Nothing is clipped, not even behind the eye. Uncertain signs are
+   evaluated exactly, with the ray moved to (0, 0): a difference of two products. Ties are broken by moving the ray by
+   an infinitesimal (e, e^2). Signs depend on ray and edge alone and flip with its direction. So adjacent triangles
+   leave no gaps or overlaps, even at edges and corners. Cost: triangles times tile rows to cull, three edge functions
+   per pixel of a box. Rows are narrowed first; vectors inside are tested at their ends. */
 
 typedef struct spsi_face {
     double position[3][3]; /* world space */
     float normal[3][3], color[3][3];
     float transmittance[3]; /* all 0: opaque */
-    float rounding;         /* maximum error of the corners: meshes store floats */
+    float rounding;         /* maximum error of corners, floats in meshes */
 } spsi_face;
 
-/* Grey optical depth for transmittance maps. */
+/* Grey optical depth, for transmittance maps. */
 static float spsi_face_optical_depth(const spsi_face *face) {
     const float mean = (face->transmittance[0] + face->transmittance[1] + face->transmittance[2]) / 3;
     return mean > 0 ? -logf(mean) : SPSI_DEPTH_MAX;
 }
 
-/* Normal with the length of twice the area. */
+/* Normal of length 2 * area. */
 static void spsi_face_plane(const spsi_face *face, double plane[3]) {
     double u[3], v[3];
     spsi_along(face->position[1], face->position[0], -1, u);
@@ -6479,28 +6451,27 @@ typedef struct spsi_hit {
     float weights[2]; /* barycentric, corners 1 and 2 */
 } spsi_hit;
 
-/* Additional input of shade_fn. */
+/* Input of shade_fn. */
 typedef struct spsi_face_texture {
     float uv[3][2];
-    uint32_t number; /* triangle in its mesh; degenerate ones are not listed */
+    uint32_t number; /* number in its mesh; degenerate ones are left out */
 } spsi_face_texture;
 
-/* Faces of consecutive meshes. */
 typedef struct spsi_mesh_faces {
-    int end;      /* end in the list */
-    int textures; /* add a face's index to find its texture */
+    int end;      /* end of its faces */
+    int textures; /* texture index minus face index */
 } spsi_mesh_faces;
 
 typedef struct spsi_faces {
     const spsi_face *list;
     int count;
-    double extent; /* maximum absolute coordinate */
+    double extent; /* maximum coordinate */
     spsi_tree tree;
-    const spsi_face_texture *textures; /* for meshes with shade_fn; NULL: none */
-    const spsi_mesh_faces *meshes;     /* NULL likewise */
+    const spsi_face_texture *textures; /* NULL: no shade_fn */
+    const spsi_mesh_faces *meshes;     /* NULL: no shade_fn */
 } spsi_faces;
 
-/* Checks a triangle: colors, normals, texture coordinates, world positions. */
+/* Checks colors, normals, uv and world positions. */
 static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *t, const spsi_mesh *mesh, size_t number,
                                       double world[3][3]) {
     const char *names[] = {"position", "normal", "albedo", "uv"};
@@ -6519,7 +6490,7 @@ static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *
     for (int i = 0; i < 6 && mesh->given.shade_fn && wrong < 0; ++i)
         if (!(fabsf(t->uv[i / 2][i % 2]) <= FLT_MAX)) wrong = 3, value = (double)t->uv[i / 2][i % 2];
     if (wrong < 0) return SPS_OK;
-    for (int i = 0; i < 9 && wrong == 0; ++i) /* the transform spreads NaN: find the original */
+    for (int i = 0; i < 9 && wrong == 0; ++i) /* NaN has spread: find the original */
         if (!(fabsf(t->position[i / 3][i % 3]) <= FLT_MAX)) value = (double)t->position[i / 3][i % 3];
     SPS_SNPRINTF(field, sizeof field, "triangle[%.0f].%s", (double)number, names[wrong]);
     return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, field, value, rules[wrong]);
@@ -6532,7 +6503,7 @@ static void spsi_to_world(const sps_placement *placement, const float local[3], 
         world[i % 3] = spsi_multiply_add(placement->axis[i / 3][i % 3], (double)local[i / 3], world[i % 3]);
 }
 
-/* Corner normals in world space, or the facet's. Cofactors keep them perpendicular under any affine map. */
+/* Corner normals, or the facet's. Cofactors keep them perpendicular under affine maps. */
 static void spsi_face_normals(const spsi_mesh *mesh, const sps_triangle *triangle, const double own[3],
                               spsi_face *face) {
     const sps_placement *placement = &mesh->given.placement;
@@ -6547,13 +6518,13 @@ static void spsi_face_normals(const spsi_mesh *mesh, const sps_triangle *triangl
     }
 }
 
-/* Polygon depth at a pixel, clamped to the image's edge. */
+/* Depth at a pixel, clamped to the image. */
 static inline float spsi_hit_depth(const spsi_hit *hits, int width, int height, int x, int y) {
     const int row = spsi_imin(spsi_imax(y, 0), height - 1), column = spsi_imin(spsi_imax(x, 0), width - 1);
     return hits ? hits[(size_t)row * (size_t)width + (size_t)column].depth : SPSI_INFINITY;
 }
 
-/* Depths at a vector of pixels, clamped to the edge; infinity without hits. */
+/* Infinity without hits. */
 static inline spsi_v spsi_hit_depths(const spsi_hit *hits, int width, int height, int x, int y) {
     float depth[SPSI_LANES];
     if (!hits) return spsi_set(SPSI_INFINITY);
@@ -6561,18 +6532,17 @@ static inline spsi_v spsi_hit_depths(const spsi_hit *hits, int width, int height
     return spsi_load(depth);
 }
 
-#define SPSI_TRIANGLE_BATCH 256  /* triangles per read_fn call */
-#define SPSI_TICK_TRIANGLES 4096 /* triangles between progress calls */
+#define SPSI_TRIANGLE_BATCH 256  /* per read_fn call */
+#define SPSI_TICK_TRIANGLES 4096 /* between progress calls */
 
-/* Output lists while reading. */
 typedef struct spsi_face_lists {
     spsi_face *faces;
     spsi_face_texture *textures; /* NULL: no shade_fn */
-    spsi_mesh_faces *meshes;     /* NULL likewise */
+    spsi_mesh_faces *meshes;     /* NULL: no shade_fn */
     int face_count, texture_count;
 } spsi_face_lists;
 
-/* Adds a triangle unless it is degenerate. */
+/* Ignores degenerate triangles. */
 static void spsi_face_add(const spsi_frame *frame, const spsi_mesh *mesh, const sps_triangle *triangle, size_t number,
                           double world[3][3], spsi_face_lists *lists) {
     spsi_face *face = &lists->faces[lists->face_count];
@@ -6620,7 +6590,7 @@ SPSI_COLD sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *fr
     return SPS_OK;
 }
 
-/* Hash of everything that decides the faces; 0 if a mesh has no revision. */
+/* Hash of everything that decides the faces; 0 without a revision. */
 static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = SPSI_FINGERPRINT_START;
     for (int i = 0; i < frame->meshes.count; ++i) {
@@ -6639,13 +6609,11 @@ static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     return hash | 1;
 }
 
-/* True if the cached faces match. */
 SPSI_COLD int spsi_faces_held(const sps_context *context, const spsi_frame *frame) {
     const uint64_t fingerprint = spsi_meshes_fingerprint(frame);
     return fingerprint != 0 && fingerprint == context->faces_held;
 }
 
-/* Reserves input for shade_fn if needed. */
 static sps_result spsi_face_textures_begin(sps_context *context, const spsi_frame *frame, spsi_face_lists *lists) {
     const spsi_meshes *meshes = &frame->meshes;
     if (meshes->textured_count == 0) return SPS_OK;
@@ -6674,7 +6642,7 @@ SPSI_COLD sps_result spsi_read_faces(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* Reads the triangles of all meshes unless cached. */
+/* Reads all triangles unless cached. */
 SPSI_COLD sps_result spsi_gather_faces(sps_context *context, const spsi_frame *frame, spsi_faces *faces) {
     memset(faces, 0, sizeof *faces);
     if (frame->meshes.triangle_count == 0) return SPS_OK;
@@ -6704,13 +6672,13 @@ SPSI_COLD sps_result spsi_gather_faces(sps_context *context, const spsi_frame *f
 
 typedef struct spsi_edges {
     double corner[3][3]; /* ray space */
-    double depth[3];     /* t - depth_reference of corners */
-    double edge[3][3];   /* edge functions of corners 12, 20, 01; positive inside */
-    double rounding[3];  /* error bounds; infinity if nearly edge-on */
-    int side;            /* sign of the edges before; 0: unknown inside */
+    double depth[3];     /* t - depth_reference */
+    double edge[3][3];   /* edges 12, 20, 01; positive inside */
+    double rounding[3];  /* error bounds; infinite if nearly edge-on */
+    int side;            /* original sign; 0: unknown */
 } spsi_edges;
 
-/* Corners in ray space: (x t, y t, t) in perspective, otherwise (x, y, 1). Shared corners have equal bits. */
+/* Corners are (x t, y t, t), or (x, y, 1) if orthographic. Shared ones are bit-identical. */
 static void spsi_face_corners(const spsi_faces *faces, int index, const spsi_rays *rays, spsi_edges *e) {
     for (int i = 0; i < 3; ++i) {
         double offset[3];
@@ -6724,8 +6692,8 @@ static void spsi_face_corners(const spsi_faces *faces, int index, const spsi_ray
     }
 }
 
-/* Edge values have errors up to 5 u times the sum of magnitudes, 4 u more when corners are moved; 32 u are allowed (u =
-   2^-53). The determinant is the sum of corner t times edge value at any ray. */
+/* Edge values have errors of at most 5 u times the sum of magnitudes, plus 4 u for moved corners. 32 u are allowed; u =
+   2^-53. The determinant is the sum of corner t times edge value, at any ray. */
 static void spsi_face_edges(const spsi_faces *faces, int index, const spsi_rays *rays, spsi_edges *e) {
     double determinant = 0, rounding = 0, most[3][2];
     spsi_face_corners(faces, index, rays, e);
@@ -6746,8 +6714,7 @@ static void spsi_face_edges(const spsi_faces *faces, int index, const spsi_rays 
     for (int i = 0; i < 3 && e->side == 0; ++i) e->rounding[i] = HUGE_VAL;
 }
 
-/* Pixel bounds x0, y0, x1, y1 inclusive; empty if x1 < x0. Where a face crosses the eye's plane, its bounds extend to
-   infinity on that side. */
+/* Pixel bounds, inclusive; empty if x1 < x0. Faces that cross the eye's plane extend to infinity on that side. */
 static void spsi_face_box(const spsi_faces *faces, int index, const spsi_rays *rays, int box[4]) {
     const int last[2] = {rays->width - 1, rays->height - 1};
     spsi_edges e;
@@ -6760,7 +6727,7 @@ static void spsi_face_box(const spsi_faces *faces, int index, const spsi_rays *r
                 low = spsi_dmin(a[k] / a[2], low);
                 high = spsi_dmax(a[k] / a[2], high);
             }
-            if ((a[2] > 0) != (b[2] > 0)) { /* the edge crosses t = 0; the sign tells the side */
+            if ((a[2] > 0) != (b[2] > 0)) { /* side where the edge crosses t = 0 */
                 const double side = (a[2] > 0 ? 1 : -1) * (b[k] * a[2] - a[k] * b[2]);
                 const double rounding = 1e-12 * (fabs(b[k] * a[2]) + fabs(a[k] * b[2]));
                 if (!(side > rounding)) low = -HUGE_VAL;
@@ -6772,7 +6739,7 @@ static void spsi_face_box(const spsi_faces *faces, int index, const spsi_rays *r
     }
 }
 
-/* Exact sign of an edge function; 0 if the edge is seen end-on. */
+/* Exact sign; 0 if the edge is seen end-on. */
 static int spsi_edge_sign(const double from[3], const double to[3], double x, double y) {
     double a[2], b[2];
     a[0] = spsi_multiply_add(-x, from[2], from[0]);
@@ -6780,12 +6747,12 @@ static int spsi_edge_sign(const double from[3], const double to[3], double x, do
     b[0] = spsi_multiply_add(-x, to[2], to[0]);
     b[1] = spsi_multiply_add(-y, to[2], to[1]);
     int sign = spsi_sign_of_difference(a[0], b[1], a[1], b[0]);
-    if (sign == 0) sign = spsi_sign_of_difference(a[1], to[2], from[2], b[1]); /* as x grows */
-    if (sign == 0) sign = spsi_sign_of_difference(from[2], b[0], a[0], to[2]); /* as y grows */
+    if (sign == 0) sign = spsi_sign_of_difference(a[1], to[2], from[2], b[1]); /* tie: x grows */
+    if (sign == 0) sign = spsi_sign_of_difference(from[2], b[0], a[0], to[2]); /* tie: y grows */
     return sign;
 }
 
-/* True if all edges have the same exact sign, `side` unless 0. */
+/* True if all edges have the same sign: `side` unless 0. */
 static int spsi_face_hit_exactly(const double corner[3][3], int side, double x, double y) {
     for (int i = 0; i < 3; ++i) {
         const int sign = spsi_edge_sign(corner[i], corner[(i + 1) % 3], x, y);
@@ -6795,7 +6762,7 @@ static int spsi_face_hit_exactly(const double corner[3][3], int side, double x, 
     return 1;
 }
 
-/* Barycentric weights of a pixel's hit; 0 if missed. Nearly edge-on triangles may be hit behind the eye. */
+/* Barycentric weights; returns 0 on a miss. Edge-on triangles may be hit behind the eye. */
 static inline int spsi_face_hit(const spsi_edges *e, double x, double y, double weights[3]) {
     double sum = 0;
     int certain = 1;
@@ -6807,14 +6774,14 @@ static inline int spsi_face_hit(const spsi_edges *e, double x, double y, double 
         sum += weights[i];
     }
     if (!certain && !spsi_face_hit_exactly(e->corner, e->side, x, y)) return 0;
-    if (!(sum > 0)) weights[0] = weights[1] = weights[2] = 1, sum = 3; /* ray in the plane: any point will do */
+    if (!(sum > 0)) weights[0] = weights[1] = weights[2] = 1, sum = 3; /* ray in plane: any point */
     for (int i = 0; i < 3; ++i) weights[i] /= sum;
     return 1;
 }
 
-/* Narrows x0 .. x1 to possible hits in row y, with up to one extra pixel per end. */
+/* Narrows x0 .. x1 to row y, within a pixel at each end. */
 static void spsi_face_span(const spsi_edges *e, int y, int *x0, int *x1) {
-    for (int i = 0; i < 3 && *x1 - *x0 > 8; ++i) { /* otherwise testing is cheaper than dividing */
+    for (int i = 0; i < 3 && *x1 - *x0 > 8; ++i) { /* fewer: testing beats dividing */
         const double slope = e->edge[i][0], value = e->edge[i][1] * y + e->edge[i][2] + e->rounding[i];
         if (slope > 0) *x0 = (int)spsi_dmin(spsi_dmax(*x0, -value / slope - 1), *x1 + 1);
         if (slope < 0) *x1 = (int)spsi_dmax(spsi_dmin(*x1, -value / slope + 1), *x0 - 1);
@@ -6825,9 +6792,9 @@ typedef struct spsi_raster {
     const spsi_faces *faces;
     const spsi_rays *rays;
     int *boxes;     /* four per face */
-    spsi_hit *hits; /* eye's pixels; NULL for a light */
-    float *depths;  /* nearest depth per light texel; NULL for the eye */
-    int *numbers;   /* face per light texel; -1: none */
+    spsi_hit *hits; /* eye; NULL for a light */
+    float *depths;  /* light: nearest depth; NULL for the eye */
+    int *numbers;   /* light: face; -1: none */
     int pitch;      /* row pitch in pixels */
     int first_row;  /* first row of these arrays */
 } spsi_raster;
@@ -6837,14 +6804,13 @@ static void spsi_raster_box_task(void *data, int i) {
     spsi_face_box(raster->faces, i, raster->rays, raster->boxes + 4 * i);
 }
 
-/* Depth and weights at a pixel; 0 if missed or before the near plane. */
+/* Returns 0 on a miss or before the near plane. */
 static inline int spsi_face_depth(const spsi_edges *e, const spsi_rays *rays, int x, int y, double w[3], double *t) {
     if (!spsi_face_hit(e, x, y, w)) return 0;
     *t = w[0] * e->depth[0] + w[1] * e->depth[1] + w[2] * e->depth[2];
     return *t + rays->depth_reference > rays->near_depth;
 }
 
-/* Stores a hit unless a nearer one is stored. */
 static inline void spsi_raster_store(const spsi_raster *raster, size_t at, int face, float depth, float w1, float w2) {
     if (raster->depths) {
         if (!(depth < raster->depths[at])) return;
@@ -6856,7 +6822,7 @@ static inline void spsi_raster_store(const spsi_raster *raster, size_t at, int f
     }
 }
 
-/* True if a whole vector of pixels hits. Edge functions are linear, so its ends decide. */
+/* True if a vector hits entirely: edge functions are linear. */
 static inline int spsi_face_holds(const spsi_edges *e, int x, int y) {
     int held = 1;
     for (int i = 0; i < 3; ++i) {
@@ -6867,7 +6833,7 @@ static inline int spsi_face_holds(const spsi_edges *e, int x, int y) {
     return held;
 }
 
-/* Rasterises a vector of pixels that all hit. */
+/* All pixels must hit. */
 static inline void spsi_raster_vector(const spsi_raster *raster, const spsi_edges *e, int face, int x, int y,
                                       size_t at) {
     const double reference = raster->rays->depth_reference, begin = raster->rays->near_depth;
@@ -6911,13 +6877,12 @@ static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1
     }
 }
 
-/* True if a face's box reaches rows y0 to y1. */
 static inline int spsi_raster_reaches(const spsi_raster *raster, int face, int y0, int y1) {
     const int *box = raster->boxes + 4 * face;
     return box[2] >= box[0] && box[1] <= y1 && box[3] >= y0;
 }
 
-/* Clears rows, then rasterises opaque faces in order. */
+/* Clears rows first. Faces are drawn in order. */
 static void spsi_raster_rows(const spsi_raster *raster, int y0, int y1) {
     const spsi_hit nothing = {SPSI_INFINITY, -1, {0, 0}};
     const size_t first = (size_t)(y0 - raster->first_row) * (size_t)raster->pitch;
@@ -6937,7 +6902,6 @@ static void spsi_raster_band_task(void *data, int index) {
     spsi_raster_rows(raster, y0, spsi_imin(raster->rays->height, y0 + SPSI_TILE_HEIGHT) - 1);
 }
 
-/* Computes the faces' pixel boxes. */
 SPSI_COLD spsi_raster spsi_raster_begin(sps_context *context, const spsi_faces *faces, const spsi_rays *rays,
                                         spsi_hit *hits, float *depths, int *numbers) {
     int *boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
@@ -6946,7 +6910,7 @@ SPSI_COLD spsi_raster spsi_raster_begin(sps_context *context, const spsi_faces *
     return raster;
 }
 
-/* Rasterises opaque faces: `hits` for the eye, `depths` and `numbers` for a light. */
+/* Rasterises opaque faces: into `hits` for the eye, `depths` and `numbers` for a light. */
 SPSI_COLD void spsi_rasterise(sps_context *context, const spsi_faces *faces, const spsi_rays *rays, spsi_hit *hits,
                               float *depths, int *numbers) {
     spsi_raster raster = spsi_raster_begin(context, faces, rays, hits, depths, numbers);
@@ -6955,19 +6919,18 @@ SPSI_COLD void spsi_rasterise(sps_context *context, const spsi_faces *faces, con
 
 /* --- the surface at a pixel --- */
 
-/* The hit point of a pixel's ray. */
 typedef struct spsi_surface {
     double point[3];
-    double start[3];  /* origin of shadow rays: above the facet of a smooth mesh */
-    double normal[3]; /* shading normal towards the eye, not normalised */
-    double pixel;     /* pixel size in world units */
+    double start[3];  /* shadow ray origin, raised on smooth meshes */
+    double normal[3]; /* faces the eye, not normalised */
+    double pixel;     /* world size */
 } spsi_surface;
 
-/* Intersects a pixel's ray with the face's plane; projects the rasterised point onto it if the ray grazes. A float
-   depth would put points behind the plane in grazing light. */
+/* Intersects the face's plane, since float depth would put points behind it in grazing light. If the ray grazes,
+   projects the rasterised point. */
 static void spsi_surface_place(const spsi_face *face, const double plane[3], const double ray[3],
                                const double rasterised[3], double point[3]) {
-    const double facing = spsi_dot(plane, ray), grazing = 1e-16; /* squared cosine below which the float is better */
+    const double facing = spsi_dot(plane, ray), grazing = 1e-16; /* squared cosine; below, the float is better */
     double offset[3], way;
     spsi_along(face->position[0], rasterised, -1, offset);
     way = spsi_dot(plane, offset);
@@ -6977,20 +6940,19 @@ static void spsi_surface_place(const spsi_face *face, const double plane[3], con
         spsi_along(rasterised, plane, way / spsi_dot(plane, plane), point);
 }
 
-/* A vector of points by component, for automatic vectorisation. Unused lanes repeat a used one. */
+/* Points by component, for automatic vectorisation. Unused lanes repeat others. */
 typedef struct spsi_points {
-    int lanes; /* mask of used lanes */
+    int lanes; /* mask */
     double at[3][SPSI_LANES];
 } spsi_points;
 
-/* A vector of rays that hit faces, likewise. */
+/* A vector of rays that hit faces; unused lanes repeat others. */
 typedef struct spsi_intersections {
     int lanes;
-    double x[SPSI_LANES], y[SPSI_LANES], t[SPSI_LANES]; /* as rasterised */
-    double corner[3][SPSI_LANES], plane[3][SPSI_LANES]; /* first corners and normals of the faces */
+    double x[SPSI_LANES], y[SPSI_LANES], t[SPSI_LANES]; /* rasterised */
+    double corner[3][SPSI_LANES], plane[3][SPSI_LANES]; /* first corners, normals */
 } spsi_intersections;
 
-/* Fills unused lanes. */
 static void spsi_intersections_fill(spsi_intersections *m) {
     const int from = spsi_lowest_bit(m->lanes);
     for (int n = 0; n < SPSI_LANES; ++n) {
@@ -7000,7 +6962,7 @@ static void spsi_intersections_fill(spsi_intersections *m) {
     }
 }
 
-/* Vector version of spsi_surface_place, bit for bit. facing: plane normal . ray. */
+/* Matches spsi_surface_place to the bit. facing: normal . ray. */
 static void spsi_intersections_hit(const spsi_rays *eye, const spsi_intersections *m, spsi_points *points,
                                    double facing[SPSI_LANES]) {
     const double grazing = 1e-16, turned = eye->perspective ? 1 : 0, moved = 1 - turned;
@@ -7029,11 +6991,11 @@ static void spsi_intersections_hit(const spsi_rays *eye, const spsi_intersection
     points->lanes = m->lanes;
 }
 
-/* Raises the shadow ray's origin from the facet to the smooth surface, so that neighbouring facets do not shadow lit
-   shading [Hanika 2021, "Hacking the Shadow Terminator"]. Tolerates round-off in the normals of flat meshes. */
+/* Raises shadow rays from the facet to the smooth surface, so that facets do not shadow lit neighbours [Hanika 2021,
+   "Hacking the Shadow Terminator"]. Flat meshes' round-off raises nothing. */
 static void spsi_surface_raise(const spsi_face *face, const double weights[3], const double plane[3], int turned,
                                spsi_surface *surface) {
-    const double side = turned ? -1 : 1; /* side of the eye */
+    const double side = turned ? -1 : 1; /* eye's side */
     for (int corner = 0; corner < 3; ++corner) {
         double normal[3], offset[3], below, room = 0;
         for (int i = 0; i < 3; ++i) {
@@ -7059,7 +7021,7 @@ static int spsi_face_is_flat(const spsi_face *face) {
            memcmp(face->normal[0], face->normal[2], sizeof face->normal[0]) == 0;
 }
 
-/* Interpolated normal of a face that is not flat, not normalised. plane: facet normal. */
+/* Interpolated, not normalised. plane: facet normal. */
 static void spsi_face_normal(const spsi_face *face, const spsi_hit *hit, const double plane[3], double normal[3]) {
     double w[3];
     spsi_hit_weights(hit, w);
@@ -7069,7 +7031,7 @@ static void spsi_face_normal(const spsi_face *face, const spsi_hit *hit, const d
     if (!(spsi_dot(normal, normal) > 0)) memcpy(normal, plane, 3 * sizeof *plane);
 }
 
-/* Sets normal and shadow ray origin at surface->point. plane: facet normal. */
+/* Needs surface->point. plane: facet normal. */
 static void spsi_surface_face(const spsi_face *face, const spsi_hit *hit, const double plane[3], const double ray[3],
                               spsi_surface *surface) {
     const int turned = spsi_dot(plane, ray) > 0;
@@ -7097,7 +7059,7 @@ static void spsi_surface_at(const spsi_rays *eye, const spsi_faces *faces, const
     spsi_surface_face(face, hit, plane, ray, surface);
 }
 
-/* Interpolated color without shade_fn. Equal corners give exactly their color. */
+/* Exact if corners have equal colors. */
 static void spsi_face_color(const spsi_face *face, const spsi_hit *hit, double color[3]) {
     for (int c = 0; c < 3; ++c) {
         const double first = (double)face->color[0][c];
@@ -7111,13 +7073,13 @@ static int spsi_mesh_of(const spsi_frame *frame, const spsi_faces *faces, int fa
 }
 
 /* ============================================================================================== >>layers
-   13 Layers: translucent polygons, and polygons on both sides of antialiased edges. Each is a fragment with a coverage
-   mask of samples [Carpenter 1984]. Following every sample front to back turns fragments into layers:
-       seen   = mean over samples of (mask) * (transmittance before),   weight of its radiance
-       behind = mean over samples of (transmittance behind),            weight of anything behind it
-   Shading then composites media and layers by depth without samples; media lie wholly before or behind a layer. Cost:
-   translucent faces, or all faces at N x N resolution with edge sampling, are rasterised twice, to count and to list.
-   16 bytes per fragment, 56 per layer. */
+   13 Layers: translucent polygons, and both sides of sampled edges. Fragments have coverage masks [Carpenter 1984].
+   They become layers by following samples front to back.
+       seen   = mean over samples of (mask) * (transmittance before): weight of its radiance.
+       behind = mean over samples of (transmittance behind): weight of all behind it.
+   Shading composites media and layers by depth without samples: media lie wholly before or behind a layer. Cost:
+   translucent faces, or all at N x N resolution, are rasterised twice, to count and to list. 16 bytes per fragment, 56
+   per layer. */
 
 typedef struct spsi_fragment {
     uint64_t mask; /* bit per sample, in rows */
@@ -7126,44 +7088,42 @@ typedef struct spsi_fragment {
 } spsi_fragment;
 
 typedef struct spsi_layer {
-    spsi_hit hit;    /* depth: mean, weighted by coverage */
-    float at[2];     /* shading point, in pixels from the centre */
-    float seen[3];   /* weight of its radiance, without media */
-    float behind[3]; /* transmittance up to and including it */
-    float covered;   /* mean opacity that the pixel gains by it */
+    spsi_hit hit;    /* depth: mean over its coverage */
+    float at[2];     /* shading point, pixels from the centre */
+    float seen[3];   /* weight of its radiance, media excluded */
+    float behind[3]; /* transmittance of this and all before */
+    float covered;   /* opacity that it adds, mean of colors */
     uint32_t pixel;
 } spsi_layer;
 
-/* Layers of all pixels, by depth. */
 typedef struct spsi_layers {
-    const uint32_t *first; /* first layer of each pixel and end; NULL: no layers */
+    const uint32_t *first; /* starts per pixel; NULL: no layers */
     const spsi_layer *list;
     size_t count;
 } spsi_layers;
 
-#define SPSI_LAYER_ROWS 8 /* rows of pixels per task */
+#define SPSI_LAYER_ROWS 8 /* per task */
 
-/* A worker's memory: samples of a band. */
 typedef struct spsi_layer_scratch {
-    float *depths;   /* nearest opaque face */
-    int *numbers;    /* its number */
-    uint64_t *masks; /* per pixel of a row: samples that see a face */
-    double *sums;    /* sums of their depths */
+    float *depths;   /* nearest opaque */
+    int *numbers;    /* its face */
+    uint64_t *masks; /* per pixel: samples that see a face */
+    double *sums;
 } spsi_layer_scratch;
 
 typedef struct spsi_layers_job {
     const spsi_frame *frame;
     const spsi_faces *faces;
-    const spsi_rays *rays; /* rays of pixels */
-    spsi_rays fine;        /* rays of samples */
-    spsi_raster raster;    /* of the fine rays */
-    int samples;           /* per side of a pixel */
-    spsi_hit *hits;        /* opaque faces at pixel centres; NULL: none */
-    char *scratch;         /* all workers' memory */
-    uint32_t *first;       /* fragment counts, then starts: see spsi_fragment_add */
+    const spsi_rays *rays; /* pixels */
+    spsi_rays fine;        /* samples */
+    spsi_raster raster;    /* fine rays */
+    int samples;           /* per side */
+    spsi_hit *hits;        /* pixel centres; NULL: no opaque faces */
+    char *scratch;
+    uint32_t *first;       /* counts, then starts, see spsi_fragment_add */
     spsi_fragment *fragments;
     spsi_layer *layers;
-    int listing; /* 0: counts fragments, 1: lists them */
+    int listing; /* 0: count, 1: list */
 } spsi_layers_job;
 
 static size_t spsi_layer_scratch_bytes(const spsi_rays *eye, int samples) {
@@ -7181,8 +7141,7 @@ static void spsi_layer_scratch_of(const spsi_layers_job *job, int worker, spsi_l
     scratch->numbers = (int *)(void *)(scratch->depths + fine);
 }
 
-/* Counts or lists a fragment. Entry p + 2 counts pixel p's fragments; after the prefix sum, entry p + 1 is their start,
-   and their end once listed. */
+/* Entry p + 2 counts pixel p's fragments. After a prefix sum, entry p + 1 is their start; after listing, their end. */
 static void spsi_fragment_add(const spsi_layers_job *job, size_t pixel, const spsi_fragment *fragment) {
     if (job->listing)
         job->fragments[job->first[pixel + 1]++] = *fragment;
@@ -7190,12 +7149,11 @@ static void spsi_fragment_add(const spsi_layers_job *job, size_t pixel, const sp
         job->first[pixel + 2] += 1;
 }
 
-/* Index of a sample in its band. */
 static size_t spsi_sample_index(const spsi_layers_job *job, int x, int y) {
     return (size_t)(y % (job->samples * SPSI_LAYER_ROWS)) * (size_t)job->fine.width + (size_t)x;
 }
 
-/* Sample of a mask nearest to its centroid. */
+/* Sample nearest to a mask's centroid. */
 static int spsi_mask_middle(uint64_t mask, int samples) {
     int sum[2] = {0, 0}, count = 0, least = 0x7fffffff, best = 0;
     for (int i = 0; i < samples * samples; ++i)
@@ -7211,7 +7169,7 @@ static int spsi_mask_middle(uint64_t mask, int samples) {
 
 /* --- fragments of translucent faces --- */
 
-/* Adds one row of samples to the masks. seen: range of covered pixels. */
+/* seen: range of pixels. */
 static void spsi_translucent_row(const spsi_layers_job *job, const spsi_layer_scratch *scratch, const spsi_edges *e,
                                  int face, int y, int seen[2]) {
     const int n = job->samples, *box = job->raster.boxes + 4 * face, width = job->fine.width;
@@ -7230,7 +7188,6 @@ static void spsi_translucent_row(const spsi_layers_job *job, const spsi_layer_sc
     }
 }
 
-/* Adds a face's fragments in one row of pixels. */
 static void spsi_translucent_fragments(const spsi_layers_job *job, const spsi_layer_scratch *scratch,
                                        const spsi_edges *e, int face, int y) {
     const int n = job->samples, *box = job->raster.boxes + 4 * face;
@@ -7247,19 +7204,19 @@ static void spsi_translucent_fragments(const spsi_layers_job *job, const spsi_la
     }
 }
 
-/* --- fragments of opaque faces, where edges are sampled --- */
+/* --- fragments of opaque faces, with edge sampling --- */
 
-/* Samples that can be shaded as one surface. */
+/* Samples shaded as one surface. */
 typedef struct spsi_group {
     uint64_t mask;
-    int face; /* first face found */
+    int face; /* first one found */
     spsi_surface surface;
     double color[3];
 } spsi_group;
 
-#define SPSI_GROUP_COSINE 0.97       /* normals within 14 degrees */
-#define SPSI_GROUP_COLOR  (1 / 64.0) /* color difference */
-#define SPSI_GROUP_DEPTH  0.5        /* distance from the plane along the ray, in pixels */
+#define SPSI_GROUP_COSINE 0.97       /* normals, 14 degrees */
+#define SPSI_GROUP_COLOR  (1 / 64.0) /* maximum difference */
+#define SPSI_GROUP_DEPTH  0.5        /* distance from the plane, in pixels */
 
 static void spsi_group_look(const spsi_layers_job *job, const spsi_rays *rays, const spsi_hit *hit, int x, int y,
                             spsi_group *group) {
@@ -7269,7 +7226,6 @@ static void spsi_group_look(const spsi_layers_job *job, const spsi_rays *rays, c
     group->face = hit->face;
 }
 
-/* Starts a group from one sample. */
 static void spsi_group_begin(const spsi_layers_job *job, int face, float depth, int x, int y, spsi_group *group) {
     spsi_edges e;
     double w[3] = {1, 0, 0};
@@ -7280,7 +7236,7 @@ static void spsi_group_begin(const spsi_layers_job *job, int face, float depth, 
     group->mask = 0;
 }
 
-/* True if shading one sample can stand for both: one surface, similar appearance. */
+/* True if shading one suffices: same surface and appearance. */
 static int spsi_groups_agree(const spsi_layers_job *job, const spsi_group *a, const spsi_group *b) {
     const spsi_face *face = &job->faces->list[a->face];
     double plane[3], offset[3], size;
@@ -7297,7 +7253,6 @@ static int spsi_groups_agree(const spsi_layers_job *job, const spsi_group *a, co
     return fabs(spsi_dot(plane, offset)) <= size * spsi_length(plane);
 }
 
-/* Groups a pixel's samples. Returns their number. */
 static int spsi_groups_of(const spsi_layers_job *job, const spsi_layer_scratch *scratch, int x, int y,
                           spsi_group *groups) {
     const int n = job->samples;
@@ -7319,7 +7274,7 @@ static int spsi_groups_of(const spsi_layers_job *job, const spsi_layer_scratch *
     return count;
 }
 
-/* True if one group covers the pixel and matches its centre, which is then shaded alone. */
+/* True if a group fills the pixel and matches its centre: only the centre is shaded. */
 static int spsi_group_is_all(const spsi_layers_job *job, const spsi_group *group, int x, int y) {
     const int n = job->samples;
     const spsi_hit *hit = &job->hits[(size_t)y * (size_t)job->rays->width + (size_t)x];
@@ -7331,7 +7286,6 @@ static int spsi_group_is_all(const spsi_layers_job *job, const spsi_group *group
     return spsi_groups_agree(job, group, &centre);
 }
 
-/* Adds a group's fragment with the face of its middle sample. */
 static void spsi_group_add(const spsi_layers_job *job, const spsi_layer_scratch *scratch, const spsi_group *group,
                            int x, int y, float *deepest) {
     const int n = job->samples, middle = spsi_mask_middle(group->mask, n);
@@ -7347,7 +7301,7 @@ static void spsi_group_add(const spsi_layers_job *job, const spsi_layer_scratch 
     spsi_fragment_add(job, (size_t)y * (size_t)job->rays->width + (size_t)x, &fragment);
 }
 
-/* True if all samples see the same face as the centre, or all see none. */
+/* True if all samples match the centre's face, or miss. */
 static int spsi_pixel_is_even(const spsi_layers_job *job, const spsi_layer_scratch *scratch, int face, int x, int y) {
     const int n = job->samples;
     for (int i = 0; i < n * n; ++i)
@@ -7355,8 +7309,8 @@ static int spsi_pixel_is_even(const spsi_layers_job *job, const spsi_layer_scrat
     return 1;
 }
 
-/* Adds a pixel's opaque fragments unless it shows one surface. Once listed, its hit has no face: its depth ends media
-   behind the deepest fragment if no sample is open. */
+/* Adds nothing if the pixel shows one surface. When listing, its hit becomes a bare depth: media end at the deepest
+   fragment, if no sample is open. */
 static void spsi_edge_fragments(const spsi_layers_job *job, const spsi_layer_scratch *scratch, int x, int y) {
     const int n = job->samples;
     spsi_hit *hit = &job->hits[(size_t)y * (size_t)job->rays->width + (size_t)x];
@@ -7377,7 +7331,6 @@ static void spsi_edge_fragments(const spsi_layers_job *job, const spsi_layer_scr
 
 /* --- from fragments to layers --- */
 
-/* Counts or lists the fragments of a band. */
 static void spsi_layers_task(void *data, int index, int worker) {
     const spsi_layers_job *job = (const spsi_layers_job *)data;
     const spsi_rays *eye = job->rays;
@@ -7402,7 +7355,7 @@ static void spsi_layers_task(void *data, int index, int worker) {
         for (int x = 0; x < eye->width; ++x) spsi_edge_fragments(job, &scratch, x, y);
 }
 
-/* Sorts fragments by depth, then by face. [Shell 1959] */
+/* Orders by depth, then face. [Shell 1959] */
 static void spsi_fragments_sort(spsi_fragment *list, uint32_t count) {
     for (uint32_t gap = count > 16 ? count / 3 : 1; gap > 0; gap = gap > 2 ? gap * 4 / 10 : gap - 1)
         for (uint32_t i = gap; i < count; ++i) {
@@ -7416,7 +7369,7 @@ static void spsi_fragments_sort(spsi_fragment *list, uint32_t count) {
         }
 }
 
-/* Shades a layer at the centroid of its samples, where light is closest to its mean; if that misses the face, at the
+/* Shades a layer at the centroid of its samples, where light is closest to its mean. If that misses the face: at the
    nearest sample. */
 static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fragment, uint32_t pixel,
                              spsi_layer *layer) {
@@ -7442,16 +7395,16 @@ static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fr
     layer->pixel = pixel;
 }
 
-#define SPSI_LAYERS_ORDERED 16 /* maximum fragments that each sample sorts itself */
+#define SPSI_LAYERS_ORDERED 16 /* fragments that samples sort themselves */
 
-/* A pixel's fragments, with depths per sample. */
+/* A pixel's fragments with depths per sample. */
 typedef struct spsi_stack {
     const spsi_fragment *list;
     int count, translucent[SPSI_LAYERS_ORDERED];
     float depths[SPSI_LAYERS_ORDERED][SPSI_COVERAGE_MAX * SPSI_COVERAGE_MAX];
 } spsi_stack;
 
-/* Depth of a sample's ray on a face's plane, clamped to the corners' depths. */
+/* Depth where a sample's ray meets the face's plane, clamped to the corners' depths. */
 static float spsi_fragment_depth(const spsi_layers_job *job, const spsi_edges *e, const spsi_face *face, int x, int y) {
     double plane[3], ray[3], start[3], t;
     spsi_face_plane(face, plane);
@@ -7477,13 +7430,13 @@ static void spsi_stack_build(const spsi_layers_job *job, uint32_t pixel, spsi_st
     }
 }
 
-/* True if a sample sees a before b. Opaque fragments are last: nothing behind them is listed. */
+/* True if a is before b. Opaque ones are last: nothing behind them is listed. */
 static int spsi_stack_before(const spsi_stack *stack, int a, int b, int sample) {
     if (!stack->translucent[a] || !stack->translucent[b]) return stack->translucent[a] > stack->translucent[b];
     return stack->depths[a][sample] < stack->depths[b][sample];
 }
 
-/* Sorts a sample's fragments, nearest first. Returns their number. */
+/* Nearest first. Returns their number. */
 static int spsi_stack_of_sample(const spsi_stack *stack, int sample, int order[SPSI_LAYERS_ORDERED]) {
     int count = 0;
     for (int i = 0; i < stack->count; ++i) {
@@ -7496,7 +7449,6 @@ static int spsi_stack_of_sample(const spsi_stack *stack, int sample, int order[S
     return count;
 }
 
-/* Attenuates a sample by a layer at a depth. */
 static void spsi_layer_pass(const spsi_layers_job *job, const spsi_fragment *fragment, float depth, float through[3],
                             spsi_layer *layer) {
     const float *passes = job->faces->list[fragment->face].transmittance;
@@ -7506,17 +7458,17 @@ static void spsi_layer_pass(const spsi_layers_job *job, const spsi_fragment *fra
         covered += through[c] * (1 - passes[c]);
         through[c] *= passes[c];
     }
-    layer->covered += covered; /* running mean of depth, weighted by coverage */
+    layer->covered += covered; /* mean depth weighted by coverage */
     layer->hit.depth += layer->covered > 0 ? covered / layer->covered * (depth - layer->hit.depth) : 0;
 }
 
-/* Follows every sample front to back, in its own order; if fragments are many, in the pixel's. */
+/* Samples use their own order, or the pixel's if there are many fragments. */
 static void spsi_layers_follow(const spsi_layers_job *job, const spsi_stack *stack, spsi_layer *layers) {
     for (int k = 0; k < job->samples * job->samples; ++k) {
         float through[3] = {1, 1, 1};
         int order[SPSI_LAYERS_ORDERED], count;
         if (job->samples == 1 || stack->count > SPSI_LAYERS_ORDERED) {
-            for (int i = 0; i < 2 * stack->count; ++i) { /* opaque ones last, as in a sample's own order */
+            for (int i = 0; i < 2 * stack->count; ++i) { /* opaque ones last, as in samples' order */
                 const spsi_fragment *fragment = &stack->list[i % stack->count];
                 if (spsi_face_is_translucent(&job->faces->list[fragment->face]) != (i < stack->count)) continue;
                 if (fragment->mask >> k & 1)
@@ -7530,7 +7482,7 @@ static void spsi_layers_follow(const spsi_layers_job *job, const spsi_stack *sta
     }
 }
 
-/* Accumulates transmittance behind each layer, and turns sums into means. */
+/* Transmittance behind each layer; sums become means. */
 static void spsi_layers_accumulate(const spsi_layers_job *job, const spsi_stack *stack, spsi_layer *layers) {
     const int samples = job->samples * job->samples;
     float through[3][SPSI_COVERAGE_MAX * SPSI_COVERAGE_MAX];
@@ -7567,12 +7519,11 @@ static void spsi_layers_resolve_task(void *data, int pixel) {
     spsi_layers_accumulate(job, &stack, job->layers + first);
 }
 
-/* True if pixels may show several polygons. */
 SPSI_COLD int spsi_has_layers(const spsi_frame *frame) {
     return frame->meshes.triangle_count > 0 && (frame->meshes.translucent || frame->view.coverage_samples > 1);
 }
 
-/* Counts fragments, or lists them. Pixel boxes are recomputed: others may have used the buffer. */
+/* Other passes may have used the pixel boxes: recompute them. */
 static void spsi_fragments_pass(sps_context *context, spsi_layers_job *job, int listing) {
     const int bands = (job->rays->height + SPSI_LAYER_ROWS - 1) / SPSI_LAYER_ROWS;
     if (!listing) memset(job->first, 0, (spsi_ray_count(job->rays) + 2) * sizeof *job->first);
@@ -7581,14 +7532,14 @@ static void spsi_fragments_pass(sps_context *context, spsi_layers_job *job, int 
     spsi_parallel(context, bands, spsi_layers_task, job);
 }
 
-/* Returns SIZE_MAX if there are too many to reserve. */
+/* SIZE_MAX if too many. */
 SPSI_COLD size_t spsi_fragments_count(sps_context *context, spsi_layers_job *job) {
     spsi_fragments_pass(context, job, 0);
     const uint64_t sum = spsi_running_sums(job->first + 2, spsi_ray_count(job->rays));
     return sum <= UINT32_MAX ? (size_t)sum : SIZE_MAX;
 }
 
-/* Finds the layers of all pixels. With edge sampling, hits of mixed pixels only limit media. */
+/* With edge sampling, hits of mixed pixels only end media. */
 SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                        spsi_hit *hits, spsi_layers *layers) {
     const spsi_rays *eye = &frame->content->eye;
@@ -7607,7 +7558,7 @@ SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *f
     job.scratch = (char *)spsi_reserve(context, SPSI_BUFFER_LAYER_SAMPLES, (size_t)spsi_worker_count(context),
                                        spsi_layer_scratch_bytes(eye, job.samples));
     job.first = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_LAYER_STARTS, spsi_ray_count(eye) + 2, sizeof *job.first);
-    if (!job.scratch || !job.first) return context->result; /* sizes below depend on visibility: not planned */
+    if (!job.scratch || !job.first) return context->result; /* further sizes depend on visibility: not planned */
     layers->count = spsi_fragments_count(context, &job);
     job.fragments = (spsi_fragment *)spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, layers->count, sizeof *job.fragments);
     job.layers = (spsi_layer *)spsi_reserve(context, SPSI_BUFFER_LAYERS, layers->count, sizeof *job.layers);
@@ -7621,32 +7572,31 @@ SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *f
 }
 
 /* ============================================================================================ >>surfaces
-   14 Visible surfaces: their appearance, and shadow rays. Shadows between polygons are exact: one ray per point and
-   light through a tree of triangles, without texels or bias. Rays are skipped if a tile shows a few flat polygons and
-   nothing can lie between them and the light. Translucent triangles filter rays by color. Media use depth maps instead,
-   >>depthmaps. Cost: tree height per point and light. */
+   14 Visible surfaces and their shadow rays. Polygons shadow each other exactly: one ray per point and light through a
+   tree, without texels or bias. Tiles skip these rays if they show a few flat polygons and nothing lies between them
+   and the light. Translucent triangles filter rays by color. Media use depth maps, >>depthmaps. Cost: tree height per
+   point and light. */
 
-/* --- appearance of surfaces: shade_fn --- */
+/* --- shade_fn --- */
 
 typedef struct spsi_appearance {
     double color[3];
     float emission[3];
 } spsi_appearance;
 
-/* A polygon point to shade: a pixel's hit, or one of its layers. */
+/* A point to shade: a pixel's hit, or a layer. */
 typedef struct spsi_shading_point {
     const spsi_hit *hit;
-    int x, y;     /* pixel */
+    int x, y;
     double at[2]; /* exact ray */
-    size_t index; /* pixel number, or pixel count plus layer number */
+    size_t index; /* pixel, or pixel count + layer */
 } spsi_shading_point;
 
-/* The polygons that the eye sees. */
 typedef struct spsi_visible {
-    const spsi_hit *hits; /* whole image; NULL: no polygons */
+    const spsi_hit *hits; /* NULL: no polygons */
     spsi_layers layers;
-    const sps_surface *set; /* shade_fn's results for the region's pixels and all layers; NULL: no shade_fn */
-    const float *received;  /* irradiance from cells and flights, per pixel and channel, >>shading; NULL: no cells */
+    const sps_surface *set; /* shade_fn's results: region, then layers; NULL: none */
+    const float *received;  /* irradiance of cells and flights, per pixel and channel; NULL: none */
 } spsi_visible;
 
 static void spsi_shading_point_of_pixel(const spsi_frame *frame, const spsi_visible *visible, int x, int y,
@@ -7666,7 +7616,6 @@ static void spsi_shading_point_of_layer(const spsi_frame *frame, const spsi_visi
     *place = found;
 }
 
-/* Maximum number of shading points. */
 SPSI_COLD size_t spsi_shading_point_count(const spsi_frame *frame, const spsi_visible *visible) {
     return spsi_ray_count(&frame->content->eye) + visible->layers.count;
 }
@@ -7676,7 +7625,7 @@ static int spsi_in_region(const spsi_frame *frame, int x, int y) {
     return column >= 0 && row >= 0 && column < region[2] && row < region[3];
 }
 
-/* Index into `set`; SIZE_MAX: outside the region. */
+/* SIZE_MAX: outside the region. */
 static size_t spsi_surface_index(const spsi_frame *frame, const spsi_shading_point *place) {
     const int *region = frame->view.region, column = place->x - region[0], row = place->y - region[1];
     const size_t pixels = spsi_ray_count(&frame->content->eye);
@@ -7685,7 +7634,7 @@ static size_t spsi_surface_index(const spsi_frame *frame, const spsi_shading_poi
                                  : (size_t)region[2] * (size_t)region[3] + place->index - pixels;
 }
 
-/* shade_fn's result at a point; NULL: none. */
+/* NULL: shade_fn set nothing. */
 static const sps_surface *spsi_surface_set(const spsi_frame *frame, const sps_surface *set,
                                            const spsi_shading_point *place) {
     const size_t at = set ? spsi_surface_index(frame, place) : SIZE_MAX;
@@ -7701,30 +7650,28 @@ static void spsi_appearance_at(const spsi_faces *faces, const spsi_hit *hit, con
     }
 }
 
-#define SPSI_SURFACE_BATCH 4096 /* maximum points per shade_fn call */
+#define SPSI_SURFACE_BATCH 4096 /* maximum points per call */
 
-/* A point on a mesh with shade_fn. */
 typedef struct spsi_shown {
     spsi_shading_point place;
-    int mesh; /* in the frame's list */
+    int mesh; /* index in the frame's list */
 } spsi_shown;
 
-/* A batch of points for shade_fn, in pixel rows from the top. A pixel's layers follow its hit. */
+/* Points for shade_fn by rows; layers follow a pixel's hit. */
 typedef struct spsi_surface_batch {
     const spsi_frame *frame;
     const spsi_faces *faces;
     const spsi_visible *visible;
     int x, y;   /* next pixel */
-    int number; /* 0: hit; layers from 1 */
+    int number; /* 0: hit; then layers */
     int shown_count, count;
     spsi_shown shown[SPSI_SURFACE_BATCH];
-    spsi_shown same[SPSI_SURFACE_BATCH]; /* points of one mesh */
+    spsi_shown same[SPSI_SURFACE_BATCH];
     sps_surface_point points[SPSI_SURFACE_BATCH];
     sps_surface out[SPSI_SURFACE_BATCH];
 } spsi_surface_batch;
 
-/* Change of barycentric weights to the next pixel. Its ray is `step` away: the step is projected along the ray onto the
-   plane of edges u and v. */
+/* Change of weights to the next pixel, whose ray is `step` away, in the plane of edges u and v. */
 static void spsi_weights_step(const double ray[3], const double step[3], const double u[3], const double v[3],
                               double change[3]) {
     double n[3], across[3], along[3];
@@ -7737,12 +7684,11 @@ static void spsi_weights_step(const double ray[3], const double step[3], const d
     change[0] = -change[1] - change[2];
 }
 
-/* Interpolates a texture coordinate, or its change. */
 static double spsi_uv_mean(const spsi_face_texture *texture, const double w[3], int i) {
     return w[0] * (double)texture->uv[0][i] + w[1] * (double)texture->uv[1][i] + w[2] * (double)texture->uv[2][i];
 }
 
-/* Screen-space derivative of texture coordinates; axis: the eye's a for x, b for y. */
+/* Screen derivative; axis: the eye's a for x, b for y. */
 static void spsi_uv_step(const spsi_rays *eye, const spsi_face *face, const spsi_face_texture *texture,
                          const spsi_shown *at, double depth, const double axis[3], float change[2]) {
     double ray[3], step[3], u[3], v[3], w[3];
@@ -7755,7 +7701,7 @@ static void spsi_uv_step(const spsi_rays *eye, const spsi_face *face, const spsi
     for (int i = 0; i < 2; ++i) change[i] = (float)spsi_dmax(-1e30, spsi_dmin(1e30, spsi_uv_mean(texture, w, i)));
 }
 
-/* Fills shade_fn's input; the output defaults to the mesh's own color. */
+/* Output defaults to the mesh's color. */
 static void spsi_surface_point(const spsi_surface_batch *batch, const spsi_shown *at, sps_surface_point *point,
                                sps_surface *out) {
     const spsi_rays *eye = &batch->frame->content->eye;
@@ -7790,7 +7736,7 @@ static void spsi_surface_point_task(void *data, int i) {
     spsi_surface_point(batch, &batch->same[i], &batch->points[i], &batch->out[i]);
 }
 
-/* Next point of the current pixel; 0: none left. */
+/* Returns 0 if the pixel has no more. */
 SPSI_COLD int spsi_surface_batch_place(spsi_surface_batch *batch, spsi_shading_point *place) {
     const spsi_layers *layers = &batch->visible->layers;
     const size_t pixel = (size_t)batch->y * (size_t)batch->frame->content->eye.width + (size_t)batch->x;
@@ -7805,7 +7751,7 @@ SPSI_COLD int spsi_surface_batch_place(spsi_surface_batch *batch, spsi_shading_p
     return 1;
 }
 
-/* Collects points. Returns 0 if there are none. */
+/* Returns 0 if none are left. */
 SPSI_COLD int spsi_surface_batch_fill(spsi_surface_batch *batch) {
     const int *region = batch->frame->view.region, right = region[0] + region[2], bottom = region[1] + region[3];
     spsi_shading_point place;
@@ -7822,7 +7768,7 @@ SPSI_COLD int spsi_surface_batch_fill(spsi_surface_batch *batch) {
     return batch->shown_count > 0;
 }
 
-/* Picks the points of one mesh. Returns the next mesh with points, or -1. */
+/* Returns the next mesh with points, or -1. */
 SPSI_COLD int spsi_surface_batch_pick(spsi_surface_batch *batch, int mesh) {
     int next = -1;
     batch->count = 0;
@@ -7834,7 +7780,6 @@ SPSI_COLD int spsi_surface_batch_pick(spsi_surface_batch *batch, int mesh) {
     return next;
 }
 
-/* Calls a mesh's shade_fn for the picked points and checks its results. */
 SPSI_COLD sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface_batch *batch, const spsi_mesh *mesh) {
     spsi_parallel_batches(context, batch->count, spsi_surface_point_task, batch);
     context->stats.shade_calls += 1;
@@ -7851,7 +7796,6 @@ SPSI_COLD sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface
     return SPS_OK;
 }
 
-/* Shades the collected points, mesh by mesh. */
 SPSI_COLD sps_result spsi_surface_batch_run(sps_context *context, spsi_surface_batch *batch, sps_surface *set) {
     int next;
     for (int mesh = spsi_surface_batch_pick(batch, -1); mesh >= 0; mesh = next) {
@@ -7863,7 +7807,7 @@ SPSI_COLD sps_result spsi_surface_batch_run(sps_context *context, spsi_surface_b
     return spsi_progress(context, 0);
 }
 
-/* Calls shade_fn once per visible point of the region. Sets visible->set. */
+/* Calls shade_fn once per visible point in the region. */
 SPSI_COLD sps_result spsi_textures(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                    spsi_visible *visible) {
     const size_t places = (size_t)frame->view.region[2] * (size_t)frame->view.region[3] + visible->layers.count;
@@ -7886,26 +7830,24 @@ SPSI_COLD sps_result spsi_textures(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-/* --- shadow rays between surfaces --- */
+/* --- shadow rays --- */
 
-#define SPSI_PACKET 16 /* rays of 4 x 4 pixels */
+#define SPSI_PACKET 16 /* 4 x 4 pixels */
 
-/* Shadow rays towards one light. */
 typedef struct spsi_packet {
     double origin[3][SPSI_PACKET], toward[3][SPSI_PACKET];
-    double reach;         /* ray parameter of the light; infinity if directional */
-    double rounding;      /* world coordinates' round-off */
-    int on_faces;         /* 0: rays begin in media, far enough from faces */
-    int own[SPSI_PACKET]; /* face of origin, to be ignored; -1: none */
+    double reach;         /* light's parameter; infinity if directional */
+    double rounding;      /* round-off of world coordinates */
+    int on_faces;         /* 0: rays from media need no margin */
+    int own[SPSI_PACKET]; /* face of origin, ignored; -1: none */
     int count;            /* vectors in use */
-    int open;             /* mask of unoccluded rays */
-    int filtered;         /* mask of filtered rays */
-    /* Optical depth of translucent faces per color, in units of 2^-32. Integer sums do not depend on traversal
-       order. */
+    int open;             /* mask: unoccluded */
+    int filtered;         /* mask: filtered */
+    /* Translucent optical depth per color, in units of 2^-32. Integer sums do not depend on order. */
     uint64_t filter[3][SPSI_PACKET];
-    float above[3][SPSI_PACKET];   /* origins from the tree's centre, plus round-off */
-    float below[3][SPSI_PACKET];   /* minus round-off */
-    float inverse[3][SPSI_PACKET]; /* toward; its reciprocal while tracing */
+    float above[3][SPSI_PACKET];   /* origins from the tree's centre, plus margin */
+    float below[3][SPSI_PACKET];   /* origins minus margin */
+    float inverse[3][SPSI_PACKET]; /* toward; reciprocal while tracing */
 } spsi_packet;
 
 static void spsi_packet_begin(const spsi_faces *faces, int is_direction, int on_faces, spsi_packet *packet) {
@@ -7915,8 +7857,7 @@ static void spsi_packet_begin(const spsi_faces *faces, int is_direction, int on_
     packet->rounding = 16 * DBL_EPSILON * faces->extent;
 }
 
-/* Adds a ray. room: round-off of the origin as a float and of box differences. Reciprocals stay finite: no box is 1e30
-   times as far as wide. */
+/* room: rounding of the origin and of box differences. Reciprocals stay finite: no box is 1e30 widths away. */
 static void spsi_packet_add(const spsi_tree *tree, int at, int own, const double origin[3], const double toward[3],
                             spsi_packet *packet) {
     double offset[3], room = 0;
@@ -7937,7 +7878,7 @@ static void spsi_packet_add(const spsi_tree *tree, int at, int own, const double
     packet->count = spsi_imax(packet->count, at / SPSI_LANES + 1);
 }
 
-/* Mask of open rays that may hit a node's box. */
+/* Mask of open rays that may hit a box. */
 static inline int spsi_packet_meets(const spsi_packet *packet, const spsi_tree_node *node, spsi_v reach) {
     int bits = 0;
     for (int k = 0; k < packet->count; ++k) {
@@ -7955,16 +7896,15 @@ static inline int spsi_packet_meets(const spsi_packet *packet, const spsi_tree_n
     return bits & packet->open;
 }
 
-/* d . (a x b): side of an edge that a ray in direction d passes; a, b relative to its origin. */
+/* d . (a x b): side of edge a, b that a ray from 0 along d passes. */
 static inline double spsi_edge_side(const double a[3], const double b[3], const double d[3]) {
     return d[0] * (a[1] * b[2] - a[2] * b[1]) + d[1] * (a[2] * b[0] - a[0] * b[2]) + d[2] * (a[0] * b[1] - a[1] * b[0]);
 }
 
 static inline double spsi_reach_of(const double a[3]) { return fabs(a[0]) + fabs(a[1]) + fabs(a[2]); }
 
-/* True if direction d passes between three corners, relative to the origin; ab, bc, ac are edge sides. Uncertain signs
-   count as inside, so that no ray slips between two faces, whatever the compiler contracts. Round-off is below 8 *
-   2^-53 of the product of lengths, which component sums bound. */
+/* True if d passes between corners relative to its origin. Uncertain signs count as inside: no ray slips between faces,
+   whatever compilers contract. Round-off is below 8 * 2^-53 of the lengths' product, bounded by component sums. */
 static inline int spsi_edges_hold(const double a[3], const double b[3], const double c[3], const double d[3], double ab,
                                   double bc, double ac) {
     const double ra = spsi_reach_of(a), rb = spsi_reach_of(b), rc = spsi_reach_of(c), rab = ra > rb ? ra : rb;
@@ -7972,9 +7912,8 @@ static inline int spsi_edges_hold(const double a[3], const double b[3], const do
     return ((ab >= -room) & (bc >= -room) & (ac <= room)) | ((ab <= room) & (bc <= room) & (ac >= -room));
 }
 
-/* Mask of rays from number `first` on that a face occludes. Rays from faces ignore what is not ahead by more than
-   round-off of world and mesh. So adjacent or coincident coplanar faces do not self-shadow, and no adjacency is
-   needed. */
+/* Mask of rays that a face occludes. On faces, it must be ahead by more than round-off of world and mesh. So adjacent
+   or coincident faces do not self-shadow, and no adjacency is needed. */
 static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int first) {
     const double *p = face->position[0], *q = face->position[1], *r = face->position[2];
     double n[3], room, stops[SPSI_LANES];
@@ -7999,8 +7938,8 @@ static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int
     return bits;
 }
 
-/* Exact test for translucent faces: of faces that share an edge or corner, a ray crosses one. Corners are projected
-   along the ray, bit-identical for all faces that share them. */
+/* Exact: rays through a common edge or corner cross one face. Corners are projected along the ray, with equal bits for
+   all faces. */
 static int spsi_face_passes(const spsi_face *face, const double origin[3], const double toward[3]) {
     const int along = spsi_cube_face_of(toward) / 2;
     double corner[3][3];
@@ -8016,13 +7955,12 @@ static int spsi_face_passes(const spsi_face *face, const double origin[3], const
     return spsi_face_hit_exactly((const double(*)[3])corner, 0, 0, 0);
 }
 
-/* Optical depth in units of 2^-32, at most 86: 4e7 faces do not overflow. */
+/* Units of 2^-32, at most 86: 4e7 do not overflow. */
 static uint64_t spsi_filter_of(float transmittance) {
     const double depth = transmittance > 0 ? -log((double)transmittance) : (double)SPSI_DEPTH_MAX;
     return (uint64_t)(spsi_dmin(depth, 86) * 4294967296.0);
 }
 
-/* Filters open rays by a translucent face. */
 static void spsi_packet_filter(const spsi_face *face, int number, spsi_packet *packet) {
     for (int first = 0; packet->open >> first; first += SPSI_LANES) {
         const int met = spsi_face_stops(face, packet, first) << first & packet->open;
@@ -8036,7 +7974,7 @@ static void spsi_packet_filter(const spsi_face *face, int number, spsi_packet *p
     }
 }
 
-/* Transmittance of a ray, by color. */
+/* Transmittance by color. */
 static void spsi_packet_through(const spsi_packet *packet, int at, double through[3]) {
     for (int c = 0; c < 3; ++c) {
         const double depth = (double)packet->filter[c][at] / 4294967296.0;
@@ -8044,7 +7982,7 @@ static void spsi_packet_through(const spsi_packet *packet, int at, double throug
     }
 }
 
-/* Closes the rays of `bits` that a face occludes, or filters them. */
+/* Occluded rays are closed; translucent faces filter them. */
 static void spsi_packet_meet_face(const spsi_faces *faces, int number, int bits, spsi_packet *packet) {
     if (spsi_face_is_translucent(&faces->list[number])) {
         spsi_packet_filter(&faces->list[number], number, packet);
@@ -8058,7 +7996,7 @@ static void spsi_packet_meet_face(const spsi_faces *faces, int number, int bits,
     }
 }
 
-/* Traces a packet. Rays that reach the light, filtered or not, remain open. */
+/* Rays that reach the light stay open. */
 static void spsi_packet_trace(const spsi_faces *faces, spsi_packet *packet) {
     const spsi_tree *tree = &faces->tree;
     const spsi_v reach = spsi_set(packet->reach <= 1 ? 1.0f : FLT_MAX);
@@ -8079,7 +8017,7 @@ static void spsi_packet_trace(const spsi_faces *faces, spsi_packet *packet) {
 
 /* --- faces near a point --- */
 
-/* True if a face's plane cuts a box. */
+/* True if the plane cuts a box. */
 static int spsi_face_near(const spsi_face *face, const double centre[3], double half) {
     double plane[3], offset[3];
     spsi_face_plane(face, plane);
@@ -8087,7 +8025,7 @@ static int spsi_face_near(const spsi_face *face, const double centre[3], double 
     return fabs(spsi_dot(plane, offset)) <= half * (fabs(plane[0]) + fabs(plane[1]) + fabs(plane[2]));
 }
 
-/* True if a face may cut a box: its box and plane do. */
+/* True if a face's box and plane cut a box. */
 static int spsi_faces_near(const spsi_faces *faces, const double centre[3], const double half[3]) {
     const double most = spsi_dmax(half[0], spsi_dmax(half[1], half[2]));
     const spsi_ray still = {{centre[0], centre[1], centre[2]}, {0, 0, 0}, 0, 0};
@@ -8100,21 +8038,21 @@ static int spsi_faces_near(const spsi_faces *faces, const double centre[3], cons
     return 0;
 }
 
-/* --- visibility between two boxes --- */
+/* --- visibility between boxes --- */
 
-#define SPSI_SHAFT_PLANES 16  /* up to 12 through box edges, one of a surface */
-#define SPSI_SHAFT_NODES  256 /* nodes to visit; beyond, rays are as cheap */
+#define SPSI_SHAFT_PLANES 16  /* 12 through box edges, one of a surface */
+#define SPSI_SHAFT_NODES  256 /* maximum visits; more cost as much as rays */
 
-/* Shaft between two boxes [Haines and Wallace 1991]: their joint box, where normal . x <= reach, relative to the tree's
-   centre. */
+/* Shaft between two boxes [Haines and Wallace 1991]: points of their joint box with normal . x <= reach, from the
+   tree's centre. */
 typedef struct spsi_shaft {
-    spsi_bounds to;        /* second box, world space */
+    spsi_bounds to;        /* second box, world */
     float low[3], high[3]; /* joint box */
-    int count;             /* number of planes */
+    int count;
     float normal[3][SPSI_SHAFT_PLANES], reach[SPSI_SHAFT_PLANES];
 } spsi_shaft;
 
-/* Maximum coordinate of faces from the tree's centre. */
+/* Maximum distance along an axis from the tree's centre. */
 static double spsi_faces_reach(const spsi_faces *faces) {
     float most = 0;
     for (int k = 0; k < 3 && faces->tree.count > 0; ++k)
@@ -8122,7 +8060,7 @@ static double spsi_faces_reach(const spsi_faces *faces) {
     return (double)most;
 }
 
-/* Adds a plane with both boxes inside, plus `room`. */
+/* Keeps both boxes inside, with `room`. */
 static void spsi_shaft_add(const spsi_faces *faces, const spsi_bounds *a, const spsi_bounds *b, const double normal[3],
                            double room, spsi_shaft *shaft) {
     double reach[2] = {0, 0};
@@ -8135,8 +8073,7 @@ static void spsi_shaft_add(const spsi_faces *faces, const spsi_bounds *a, const 
     shaft->reach[shaft->count++] = (float)(spsi_dmax(reach[0], reach[1]) + room);
 }
 
-/* Planes join corners of both boxes in projections along each axis, wherever one is farther out along one axis and not
-   the other. */
+/* Projected along each axis, corners are joined where each box is farther out along one axis. */
 static void spsi_shaft_build(const spsi_faces *faces, const spsi_bounds *from, const spsi_bounds *to,
                              spsi_shaft *shaft) {
     double room = spsi_faces_reach(faces);
@@ -8165,7 +8102,7 @@ static void spsi_shaft_build(const spsi_faces *faces, const spsi_bounds *from, c
     }
 }
 
-/* True if a box, relative to the tree's centre, may reach into the shaft. */
+/* True if a box, relative to the tree's centre, may reach inside. */
 static int spsi_shaft_meets(const spsi_shaft *shaft, const float low[3], const float high[3]) {
     for (int k = 0; k < 3; ++k)
         if (low[k] > shaft->high[k] || high[k] < shaft->low[k]) return 0;
@@ -8181,7 +8118,7 @@ static int spsi_shaft_meets(const spsi_shaft *shaft, const float low[3], const f
 }
 
 /* True if a face may block rays from points to the second box: they lie on opposite sides of its plane. Allows half the
-   round-off of spsi_face_stops. */
+   margin of spsi_face_stops. */
 static int spsi_shaft_meets_face(const spsi_shaft *shaft, const spsi_faces *faces, int number,
                                  const double (*points)[3], int count) {
     const spsi_face *face = &faces->list[number];
@@ -8209,8 +8146,8 @@ static int spsi_shaft_meets_face(const spsi_shaft *shaft, const spsi_faces *face
     return (far_off[1] > 0 && near_by[0] < -room) || (far_off[0] < 0 && near_by[1] > room);
 }
 
-/* True if nothing blocks a shaft. Rays begin anywhere on `count` faces (starts 0), or between `starts` points of one
-   face; then only opaque faces block. */
+/* True if nothing blocks rays. They begin anywhere on `count` faces, or between `starts` points of one; only opaque
+   faces count then. */
 static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft, const int *own, int count,
                                const double (*start)[3], int starts) {
     int stack[SPSI_TREE_STACK], top = 0, seen = 0;
@@ -8236,7 +8173,7 @@ static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft,
 
 /* --- the nearest face on a ray --- */
 
-/* Intersects a face within the ray's range, more than `rounding` ahead. Sets t and weights on a hit only. */
+/* Hits must be more than `rounding` ahead. Sets t and weights on a hit only. */
 static int spsi_face_meets(const spsi_face *face, const spsi_ray *ray, double rounding, double *t, float weights[2]) {
     const double *d = ray->direction;
     double a[3], b[3], c[3], n[3], room, ab, bc, ac, facing, ahead;
@@ -8258,7 +8195,7 @@ static int spsi_face_meets(const spsi_face *face, const spsi_ray *ray, double ro
     return 1;
 }
 
-/* Finds the nearest face and shortens the ray to it. own: face of origin; -1: none. */
+/* Shortens the ray. own: face to ignore; -1: none. */
 static void spsi_ray_to_face(const spsi_faces *faces, int own, spsi_ray *ray, spsi_hit *hit) {
     spsi_walk walk;
     int number;
@@ -8298,7 +8235,7 @@ static void spsi_face_items_task(void *data, int i) {
     spsi_tree_item_add(&job->items[i], job->faces->tree.centre, bounds.low, bounds.high);
 }
 
-/* Builds the tree of all faces unless cached. */
+/* Builds the tree unless cached. */
 static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
     spsi_face_items job = {faces, NULL};
     spsi_tree *tree = &faces->tree;

@@ -160,8 +160,8 @@ accuracy: build/measure/prices
 	@mkdir -p build/price_list
 	build/measure/prices build/price_list > build/price_list/prices.md
 	@{ sed '/^## Which error at which price/,$$d' docs/accuracy.md; sed '/^## All figures/,$$d' build/price_list/prices.md; \
-		sed -n '/^## Penumbrae/,/^## All figures/p' docs/accuracy.md | sed '$$d'; \
-		sed -n '/^## All figures/,$$p' build/price_list/prices.md; } > build/accuracy.md
+		sed -n '/^## Penumbrae/,/^## Bounds/p' docs/accuracy.md | sed '$$d'; \
+		sed -n '/^## Bounds/,$$p' build/price_list/prices.md; } > build/accuracy.md
 	cp build/price_list/accuracy_*.png docs && cp build/accuracy.md docs/accuracy.md
 
 SCENE = quick
@@ -177,8 +177,7 @@ headline: build/measure/prices
 accuracy-tables: build/measure/bench
 	build/measure/bench cheapest | tee build/cheapest.md
 	build/measure/bench accuracy | tee build/accuracy.txt
-	@{ sed '/^## Cheapest settings/,$$d' docs/accuracy.md; cat build/cheapest.md; printf '\n## Volumes\n\n```\n'; \
-		cat build/accuracy.txt; printf '```\n\n'; sed -n '/^## All figures/,$$p' docs/accuracy.md; } > build/accuracy.md
+	@{ sed '/^## Cheapest settings/,$$d' docs/accuracy.md; cat build/cheapest.md; echo; sed -n '/^## Bounds/,$$p' docs/accuracy.md; } > build/accuracy.md
 	cp build/accuracy.md docs/accuracy.md
 
 # What stands before the first printed line is kept. make budget-fit prints the tables of the header's section budget.
@@ -189,7 +188,9 @@ build/measure/budget: tests/measure/budget.c $(HEADERS) $(wildcard tests/measure
 
 budget: build/measure/budget
 	build/measure/budget check > build/budget.txt
-	@{ sed '/^## Kept/,$$d' docs/budget.md; sed -n '/^## Kept/,$$p' build/budget.txt; echo; sed '/^## Kept/,$$d' build/budget.txt; } > build/budget.md
+	@sed '/^## Kept/,$$d' build/budget.txt | $(CSV) > build/budget.csv
+	@{ sed '/^## Kept/,$$d' docs/budget.md; sed -n '/^## Kept/,$$p' build/budget.txt; \
+		printf '\n`make budget` writes the figures of every frame to `build/budget.csv`.\n'; } > build/budget.md
 	cp build/budget.md docs/budget.md
 
 budget-fit: build/measure/budget
@@ -213,6 +214,9 @@ effects: build/measure/effects
 	{ build/measure/effects || touch build/effects.failed; } | tee build/effects.txt
 	@{ sed '/^## With and without/,$$d' docs/effects.md; cat build/effects.txt; } > build/effects.md
 	@test ! -e build/effects.failed && cp build/effects.md docs/effects.md
+
+# Rows of Markdown tables as lines of CSV
+CSV = sed -n '/^|[^-]/{s/^| *//;s/ *|$$//;s/, /; /g;s/ *| */,/g;p}'
 
 # ------------------------------------------------------------------------------------------------------- tests
 
@@ -345,8 +349,8 @@ SUMMARY = function close_log() { passed += p; failed += f; if (status != 0 && f 
 	/^[0-9]+ passed, [0-9]+ failed$$/ { p = $$1; f = $$3 }; \
 	END { close_log(); printf "%d passed, %d failed\n", passed, failed; exit failed > 0 || passed == 0 }
 
-# What the tests of hard cases measure, by CHECK_CASE in check.h, into the tables of docs/hard-cases.md, whose first and
-# last lines are kept. With SPLATSHADOW_LONG=1, as in the long tests. In plain C, one test compares levels of
+# What the tests of hard cases measure, by CHECK_CASE in check.h: a line for each group into docs/hard-cases.md, all of
+# them into build/hard-cases.csv. With SPLATSHADOW_LONG=1, as in the long tests. In plain C, one test compares levels of
 # optimisation.
 .PHONY: hard-cases
 HARD_CASES = $(patsubst tests/%.c,build/tests/native.%.log,$(shell grep -l CHECK_CASE tests/*.c)) build/tests/native.fuzz.log build/tests/plain.test_simd.log
@@ -354,8 +358,8 @@ hard-cases:
 	@mkdir -p build/tests && rm -f build/cases.txt $(HARD_CASES)
 	@CHECK_CASES=build/cases.txt CONFIGURATIONS="native plain" $(MAKE) -s --no-print-directory -j$(JOBS) $(HARD_CASES)
 	@! grep -L '^exit status 0' $(HARD_CASES) | grep .
-	LC_ALL=C sort -t "$$(printf '\t')" -k7,7 -k8,8n build/cases.txt | awk -f tests/cases.awk > build/cases.md
-	@{ sed '/^## Transport/,$$d' docs/hard-cases.md; cat build/cases.md; sed -n '/^## Not covered/,$$p' docs/hard-cases.md; } > build/hard-cases.md
+	LC_ALL=C sort -t "$$(printf '\t')" -k7,7 -k8,8n build/cases.txt | awk -v csv=build/hard-cases.csv -f tests/cases.awk > build/cases.md
+	@{ sed '/^| group/,$$d' docs/hard-cases.md; cat build/cases.md; echo; sed -n '/^## Not covered/,$$p' docs/hard-cases.md; } > build/hard-cases.md
 	cp build/hard-cases.md docs/hard-cases.md
 
 # What stands before the table is kept.
@@ -375,9 +379,9 @@ rivals: build/measure/rivals
 	@{ sed '/^## Results/,$$d' docs/rivals.md; cat build/rivals/results.md; echo; sed -n '/^## What is unfair/,$$p' docs/rivals.md; } > build/rivals/page.md
 	cp build/rivals/page.md docs/rivals.md
 
-# The page has a row for each case that the tests have.
+# The page counts the cases that the tests have.
 build/tests/cases.log: docs/hard-cases.md tests/cases.awk $(wildcard tests/*.c tests/*.h)
-	@$(call run,cases,awk -v mode=missing -v page=docs/hard-cases.md -f tests/cases.awk $(wildcard tests/*.c) tests/check.h tests/fuzz.h docs/hard-cases.md && $(ONE_PASSED))
+	@$(call run,cases,awk -v mode=count -f tests/cases.awk $(wildcard tests/*.c) tests/check.h tests/fuzz.h docs/hard-cases.md && $(ONE_PASSED))
 
 # Tests whether a configuration's compiler is available and makes programs that run.
 can_build = { echo 'int main(void) { return 0; }' > build/tests/probe_$(1).c && \

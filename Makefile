@@ -13,6 +13,7 @@
 # make speed       the goals of speed, and how time grows, into docs/speed.md and docs/speed_*.png
 # make accuracy    error and time of every knob in twelve scenes, into docs/accuracy.md and docs/accuracy_*.png
 # make accuracy-quick  the scenes with a closed form and two knobs of it, in half a minute; SCENE=name: all of that scene
+# make prices      the README's table: error and time of six scenes in the default mode
 # make headline    the README's picture of a scene at three grades, docs/price.png, and the error and time of each
 # make accuracy-tables  that page's tables of error against time of single effects
 # make budget      what budgets of time and error promise, and what they keep, into docs/budget.md; 8 minutes
@@ -169,7 +170,11 @@ accuracy-quick: build/measure/prices
 	@mkdir -p build/price_list/$(SCENE)
 	build/measure/prices build/price_list/$(SCENE) $(SCENE)
 
-.PHONY: headline
+# The README's table of prices, and its picture.
+.PHONY: headline prices
+prices: build/measure/prices
+	build/measure/prices default
+
 headline: build/measure/prices
 	build/measure/prices docs headline
 
@@ -205,14 +210,16 @@ first-flights: build/measure/fire
 maps: build/measure/maps
 	@mkdir -p build/maps && rm -f build/maps.failed
 	{ build/measure/maps docs build/maps || touch build/maps.failed; } | tee build/maps.txt
-	@test ! -e build/maps.failed && cp build/maps.txt docs/maps.md
+	@$(CSV) build/maps.txt > build/maps.csv
+	@test ! -e build/maps.failed && awk '/^## /{cut = /^## (Reading|Puff|Wind|Clumps|Shell|Core|Ball)/} !cut' build/maps.txt > docs/maps.md
 
 # Of the page, what stands before the first printed line is kept. Fails if something is spent that need not be.
 .PHONY: effects
 effects: build/measure/effects
 	@rm -f build/effects.failed
 	{ build/measure/effects || touch build/effects.failed; } | tee build/effects.txt
-	@{ sed '/^## With and without/,$$d' docs/effects.md; cat build/effects.txt; } > build/effects.md
+	@$(CSV) build/effects.txt > build/effects.csv
+	@{ sed '/^## With and without/,$$d' docs/effects.md; awk -f tests/measure/effects.awk build/effects.txt; } > build/effects.md
 	@test ! -e build/effects.failed && cp build/effects.md docs/effects.md
 
 # Rows of Markdown tables as lines of CSV

@@ -4,6 +4,7 @@
    prices FOLDER SCENE    that scene alone, by its name there: slab, blob, ball, ... See price_scenes.h
    prices FOLDER quick    the scenes that have a closed form; of the knobs, quality and slab
    prices FOLDER bounds   how far apart the bounds of sps_reference are, and which errors they leave to pictures
+   prices default         the README's table: six scenes in the default mode, against random paths
    prices FOLDER headline one picture at three grades, with the error and the time of each, as price.png
    With SPLATSHADOW_DATA=folder, where the scans lie, these too. */
 
@@ -687,6 +688,63 @@ static void headline(price *p, const char *folder) {
     write_canvas(&canvas, folder, "price");
 }
 
+/* ---- the default mode ---- */
+
+/* The median time of a scene's frames once all is cached; *first is that of the first one, in a new context. */
+static double time_frames(frame *f, double *first, sps_stats_report *stats) {
+    enum { FRAMES = 5 };
+    double seconds[FRAMES];
+    ex_session session;
+    ex_session_measure(&session, program, WORKERS);
+    *first = render_seconds(&session, f, &f->view);
+    for (int i = 0; i < FRAMES; ++i) seconds[i] = render_seconds(&session, f, &f->view);
+    sps_get_stats(session.context, stats);
+    ex_session_end(&session);
+    return ex_percentile(seconds, FRAMES, 0.5);
+}
+
+/* A row of the README's table: a view that sets nothing, compared with random paths and with single scattering. */
+static void print_default(const price_scene *scene) {
+    enum { STRIDE = 9, PATHS = 1200 };
+    ex_session session;
+    sps_stats_report stats;
+    double first, single_first, sum = 0;
+    priced *p = (priced *)ex_allocate(1, sizeof *p);
+    memset(p, 0, sizeof *p);
+    ex_session_measure(&session, program, WORKERS);
+    if (!scene->build(p, &session)) {
+        const int width = p->frame.view.width, height = p->frame.view.height;
+        const sps_camera camera = p->frame.view.camera;
+        memset(&p->frame.view, 0, sizeof p->frame.view);
+        p->frame.view.width = width, p->frame.view.height = height, p->frame.view.camera = camera;
+        sampled_end(&p->truth);
+        marched_truth(p, &session, STRIDE, 1, PATHS);
+        const double seconds = time_frames(&p->frame, &first, &stats);
+        const double error = sampled_error(&p->truth, &p->frame);
+        const int side = p->truth.frame.view.width;
+        for (int i = 0; i < 4 * side * side; ++i) sum += i % 4 < 3 ? (double)p->truth.frame.rgba[i] : 0;
+        const double mean = sum / (3.0 * side * side);
+        const int scatters = stats.cells > 0;
+        p->frame.view.scattering = SPS_SCATTERING_SINGLE;
+        const double single = time_frames(&p->frame, &single_first, &stats);
+        printf("| %s | %s | %.0f ms | %.0f ms | %.0f ms | %.2g %% (%.2g %%) |\n", scene->name,
+               scatters ? "multiple" : "single", 1e3 * first, 1e3 * seconds, 1e3 * single,
+               100 * sqrt(fmax(error * error - p->noise * p->noise, 0)) / mean, 100 * p->noise / mean);
+        priced_end(p);
+    }
+    ex_session_end(&session);
+    free(p);
+}
+
+static int print_defaults(void) {
+    printf("| scene | scattering | first frame | next frames | the same, single scattering | error (noise of the "
+           "truth) |\n"
+           "|---|---|---|---|---|---|\n");
+    for (int i = 0; i < PRICE_SCENES; ++i)
+        if (price_scenes[i].is_asset) print_default(price_scenes + i);
+    return EX_OK;
+}
+
 static FILE *open_table(const char *folder) {
     char path[4096];
     snprintf(path, sizeof path, "%s/prices.csv", folder);
@@ -717,6 +775,7 @@ int main(int argc, char **argv) {
         fprintf(stderr, "%s FOLDER [SCENE]\n", program);
         return EX_MISTAKEN;
     }
+    if (!strcmp(argv[1], "default")) return print_defaults();
     if (name && !strcmp(name, "headline")) {
         if (price_begin(prices, find_scene("smoke")) && price_begin(prices, find_scene("mixed"))) return EX_FAILED;
         headline(prices, argv[1]);

@@ -137,6 +137,7 @@ function check(n, failed) {
 
 # The beginning of a function in the output: weak, or without its body and with external linkage.
 function opening(line, faces) {
+    if (!faces && sub(/^SPSI_COLD /, "", line)) return "__attribute__((weak, cold)) " line
     sub(/^(static|SPSI_COLD) /, "", line)
     return faces ? line : "__attribute__((weak)) " line
 }

@@ -383,7 +383,7 @@ ports:
 rivals: build/measure/rivals
 	@mkdir -p build/rivals
 	sh tests/measure/rivals.sh > build/rivals/results.md
-	@{ sed '/^## Results/,$$d' docs/rivals.md; cat build/rivals/results.md; echo; sed -n '/^## What is unfair/,$$p' docs/rivals.md; } > build/rivals/page.md
+	@{ sed '/^## Results/,$$d' docs/rivals.md; cat build/rivals/results.md; echo; sed -n '/^## Fairness/,$$p' docs/rivals.md; } > build/rivals/page.md
 	cp build/rivals/page.md docs/rivals.md
 
 # The page counts the cases that the tests have.

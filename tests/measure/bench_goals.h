@@ -219,14 +219,13 @@ static void goals_particles(void) {
 /* =================================================================================================== the table */
 
 static void bench_goals(void) {
-    printf(
-        "\n512 x 512 pixels, one directional light with shadows, 2 workers, voxels held from frame to frame, where a\n"
-        "row does not say otherwise. Times are medians of frames that take turns. Errors are root mean squares in\n"
-        "radiance: the blob's against its closed form, others against `sps_reference`: the bonsai's with steps of a\n"
-        "quarter of a voxel at every 7th pixel in each direction, the smoke's with steps of 1 voxel at every 5th, "
-        "that\n"
-        "of 256^3 full of gas likewise at every 17th.\n\n"
-        "| what | time, or ratio | error | goal | |\n|---|---|---|---|---|\n");
+    printf("\nUnless a row says otherwise: 512 x 512 pixels, one directional light with shadows, 2 workers, voxels "
+           "cached\n"
+           "between frames. Times are medians of interleaved frames. Errors are rms in radiance. The blob is compared\n"
+           "with its closed form, others with `sps_reference`: the bonsai with steps of a quarter of a voxel at every\n"
+           "7th pixel in each direction, the smoke with steps of 1 voxel at every 5th, 256^3 voxels full of gas at\n"
+           "every 17th.\n\n"
+           "| what | time, or ratio | error | goal | |\n|---|---|---|---|---|\n");
     goals_bonsai();
     goals_blob();
     goals_smoke();

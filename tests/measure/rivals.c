@@ -1009,10 +1009,10 @@ static void print_scene(const contest *c, const pixels *t, const entry *entries,
         printf("Truth: %d pixels", t->side * t->side);
     else
         printf("Truth: the closed form, all pixels");
-    if (t->noise > 0) printf(" with an error of %.2g %%, which is subtracted from the errors in squares", 100 * t->noise);
+    if (t->noise > 0) printf(" with an error of %.2g %%, subtracted from the errors in squares", 100 * t->noise);
     if (t->step_change > 0)
-        printf("; doubled steps change them by %.2g %%, linear interpolation by %.2g %%",
-               100 * t->step_change, 100 * t->grid_change);
+        printf("; doubled steps change them by %.2g %%, linear interpolation by %.2g %%", 100 * t->step_change,
+               100 * t->grid_change);
     printf(".\n\n| | setting | error | bias | whole process | start-up | without it | peak memory |\n"
            "|---|---|---|---|---|---|---|---|\n");
     for (int i = 0; i < count; ++i) {

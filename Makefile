@@ -152,7 +152,7 @@ COMPARE_BUILDS = for turn in 1 2 3; do for build in $(notdir $(BENCHES)); do bui
 # Of the page, what stands before the first printed line and from the next heading of its own on is kept.
 speed: $(BENCHES)
 	{ build/measure/bench goals; $(COMPARE_BUILDS); build/measure/bench curves docs; } | tee build/speed.txt
-	@{ sed '/^[0-9]* processors/,$$d' docs/speed.md; cat build/speed.txt; echo; sed -n '/^## What it means/,$$p' docs/speed.md; } > build/speed.md
+	@{ sed '/^[0-9]* processors/,$$d' docs/speed.md; cat build/speed.txt; echo; sed -n '/^## Advice/,$$p' docs/speed.md; } > build/speed.md
 	cp build/speed.md docs/speed.md
 
 # Twelve scenes, every knob: docs/accuracy.md, of which the first lines and the sections of single effects are kept, its

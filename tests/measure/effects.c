@@ -133,8 +133,8 @@ static void print_costs(trial *a, trial *b) {
 static void print_effects(void) {
     int apart = 0, passes = 0;
     printf("## With and without\n\n");
-    printf("Left of each arrow is the scene without the effect, right of it the scene with it; counts that differ by "
-           "less than\n2 %% are left out. Passes are those planned. MB is the most that was held, without the image. "
+    printf("Left of each arrow is the scene without the effect, right of it the scene with it. Counts that differ by "
+           "less than\n2 %% are left out. Passes are planned ones. MB is peak memory without the image. "
            "Time is with / without.\n\n");
     printf("| effect | set by | passes | counts | calls | MB at most | time |\n|---|---|---|---|---|---|---|\n");
     for (int i = 0; i < EX_COUNT(ex_effects); ++i) {
@@ -161,8 +161,8 @@ static void print_effects(void) {
 static void print_recognised(void) {
     int same = 0, count = 0;
     printf("## Set, not needed, and recognised\n\n");
-    printf("Calls, passes, counts, bytes and allocations are compared with those of the scene that never had it, and "
-           "the pictures bit by bit. Time is set / never set.\n\n");
+    printf("Each scene is compared with the scene that never had the effect: calls, passes, counts, bytes, "
+           "allocations, and the pictures bit by bit. Time is set / never set.\n\n");
     printf("| what is set | what is done | picture | time |\n|---|---|---|---|\n");
     for (int i = 0; i < EX_COUNT(ex_unneeded_effects); ++i) {
         const ex_unneeded *effect = &ex_unneeded_effects[i];
@@ -180,7 +180,7 @@ static void print_recognised(void) {
         trial_end(&set);
     }
     failures += same < count;
-    printf("\nNothing is spent in %d of %d, and the picture is the same.\n\n", same, count);
+    printf("\n%d of %d cost nothing and leave the picture unchanged.\n\n", same, count);
 }
 
 /* The difference of the pictures, and what it may be. Returns whether it is no more. */
@@ -215,8 +215,8 @@ static void print_costly(const ex_unneeded *list, int length) {
         trial_end(&set);
     }
     failures += kept < count;
-    printf("\nThe picture is the same, to the bit or within rounding, in %d of %d.", kept - others, count - others);
-    if (others) printf(" The last %d are others, by the error of slabs and sheets.", others);
+    printf("\nThe picture is unchanged, to the bit or within rounding, in %d of %d.", kept - others, count - others);
+    if (others) printf(" The last %d pictures differ by the error of slabs and sheets.", others);
     printf("\n\n");
 }
 
@@ -299,7 +299,7 @@ static void bound_scattering(const char *name, ex_change common) {
     trial_begin(&all, common, NULL);
     trial_begin(&once, common, ex_scatter_auto);
     failures += once.stats.cells > 0;
-    print_bound(name, "share of radiance", once.stats.scatter_bound, radiance_sum(&all) / radiance_sum(&once) - 1);
+    print_bound(name, "fraction of radiance", once.stats.scatter_bound, radiance_sum(&all) / radiance_sum(&once) - 1);
     printf("%.2f |\n", trial_race(&all, &once));
     trial_end(&all);
     trial_end(&once);

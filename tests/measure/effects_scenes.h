@@ -473,7 +473,7 @@ static const ex_effect ex_effects[] = {
     {"surfaces by the gradient", "`shading`", ex_classify, ex_shade_surface, SPS_PASS_GRADIENT},
     {"... their highlight", "`specular`", ex_classify_surface, ex_shade_highlight, -1},
     {"emission", "`emission`", NULL, ex_emit, SPS_PASS_EMISSION},
-    {"light that gas scatters", "`albedo`", ex_absorb, ex_color_albedo, SPS_PASS_SCATTERING},
+    {"single scattering", "`albedo`", ex_absorb, ex_color_albedo, SPS_PASS_SCATTERING},
     {"phase functions", "`lobes`", NULL, ex_scatter_forward, -1},
     {"colors", "`albedo`, `color`", ex_make_grey, ex_color_albedo, -1},
     {"particles", "`particles`", ex_no_cloud, ex_add_swarm, SPS_PASS_EYE_SHEETS},
@@ -490,14 +490,15 @@ static const ex_effect ex_effects[] = {
     {"... by a Fourier map", "`shadow_map`", NULL, ex_make_fourier, SPS_PASS_LIGHT_MAPS},
     {"a second light", "`lights`", NULL, ex_add_light, -1},
     {"... without shadows", "`no_shadow`", NULL, ex_add_shadowless, -1},
-    {"a sun with an extent", "`angular_diameter`", ex_add_polygons, ex_make_soft, SPS_PASS_PENUMBRAE},
+    {"a sun with an angular diameter", "`angular_diameter`", ex_add_polygons, ex_make_soft, SPS_PASS_PENUMBRAE},
     {"a disc", "`axes`", ex_lamp_and_polygons, ex_make_large_disc, SPS_PASS_PENUMBRAE},
     {"a spotlight", "`outer_cone`", ex_make_lamp, ex_make_spot, -1},
-    {"an image that a light throws", "`projector`", ex_add_polygons, ex_throw_stripes, SPS_PASS_PROJECTORS},
+    {"a projected texture", "`projector`", ex_add_polygons, ex_throw_stripes, SPS_PASS_PROJECTORS},
     {"ambient light", "`ambient`", NULL, ex_add_ambient, SPS_PASS_AMBIENT},
     {"a volume's own", "`SPS_SCATTERING_AMBIENT`", ex_own_ambient, ex_scatter_ambient, SPS_PASS_AMBIENT},
-    {"scattered again, forward", "`SPS_SCATTERING_FORWARD`", NULL, ex_scatter_ways_forward, SPS_PASS_FORWARD},
-    {"... and aside, from sheet to sheet", "`SPS_SCATTERING_CONVOLUTION`", NULL, ex_scatter_aside, SPS_PASS_SPREADING},
+    {"multiple scattering, forward", "`SPS_SCATTERING_FORWARD`", NULL, ex_scatter_ways_forward, SPS_PASS_FORWARD},
+    {"... with lateral spread, from sheet to sheet", "`SPS_SCATTERING_CONVOLUTION`", NULL, ex_scatter_aside,
+     SPS_PASS_SPREADING},
     {"... in every direction", "`SPS_SCATTERING_MULTIPLE`", NULL, ex_scatter_fully, SPS_PASS_CELLS},
     {"... where gas calls for it", "`SPS_SCATTERING_AUTO`", NULL, ex_scatter_auto, SPS_PASS_CELLS},
     {"a background that varies", "`background_fn`", NULL, ex_paint_sky, -1},
@@ -601,11 +602,11 @@ static const ex_unneeded ex_unneeded_effects[] = {
 
 /* Work that is left out, to the same bits, where `set`. */
 static const ex_unneeded ex_savings[] = {
-    {"blocks that `range_fn` shows to be empty", ex_surround, ex_tell_ranges, EX_SAME_BITS, 0, ""},
-    {"voxels held from the last call", ex_look_again, ex_hold, EX_SAME_BITS, 0, ""},
-    {"polygons and their tree held", ex_polygons_again, ex_hold_polygons, EX_SAME_BITS, 0, ""},
-    {"a shadow table held", ex_add_tables, ex_hold, EX_SAME_BITS, 0, ""},
-    {"light in cells held", ex_cells_again, ex_hold, EX_SAME_BITS, 0, ""},
+    {"empty blocks, by `range_fn`", ex_surround, ex_tell_ranges, EX_SAME_BITS, 0, ""},
+    {"voxels cached by the last call", ex_look_again, ex_hold, EX_SAME_BITS, 0, ""},
+    {"polygons and their tree cached", ex_polygons_again, ex_hold_polygons, EX_SAME_BITS, 0, ""},
+    {"a shadow table cached", ex_add_tables, ex_hold, EX_SAME_BITS, 0, ""},
+    {"light in cells cached", ex_cells_again, ex_hold, EX_SAME_BITS, 0, ""},
 };
 
 #define EX_COUNT(list) ((int)(sizeof(list) / sizeof(list)[0]))

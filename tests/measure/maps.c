@@ -374,9 +374,8 @@ static const trial *best_within(const set_up *s, int components) {
 }
 
 static void print_best(set_up *const *scenes) {
-    printf("\n## The most accurate technique for each size\n\nThe smallest rms error in the gas among all maps that "
-           "take no "
-           "more than 6, 8, 16 or 24 floats per texel.\n\n| scene |");
+    printf("\n## The most accurate technique for each size\n\nThe smallest rms error in the medium among all maps of "
+           "at most 6, 8, 16 or 24 floats per texel.\n\n| scene |");
     for (int which = 0; which < COUNTS; ++which) printf(" %d |", counts[which]);
     printf("\n|---|---|---|---|---|\n");
     for (int i = 0; i < SCENES; ++i) {
@@ -528,13 +527,11 @@ static void print_cell(const claim *c, const set_up *s, measure_fn of) {
 }
 
 static void print_claims(set_up *const *scenes) {
-    printf(
-        "\n## Findings of the thesis, scene by scene\n\nWhether each finding holds, and the ratio of errors that "
-        "decides "
-        "(rms in the gas; in the last column of the picture). Deep opacity's errors in the gas are those of the "
-        "thesis's own layout: u of the first occluder, and n - 1 layers behind it over a thickness common to all "
-        "texels. Its pictures, and the last four rows, are those of the library's layout: u of the first and the last "
-        "occluder, and n - 2 planes between these.\n\n| finding | ratio of errors |");
+    printf("\n## Findings of the thesis, scene by scene\n\nThe table shows whether each finding holds, and the ratio "
+           "of errors that decides. Errors are rms in the medium; in the last column, of the picture. In the medium, "
+           "deep opacity has the thesis's layout: u of the first occluder, and n - 1 layers behind it with a thickness "
+           "common to all texels. The last column and the last four rows have the library's layout: u of the first and "
+           "last occluder, and n - 2 planes between them.\n\n| finding | ratio of errors |");
     for (int i = 0; i < SCENES; ++i) printf(" %s |", scenes[i]->name);
     printf(" puff, picture |\n|---|---|---|---|---|---|---|---|---|\n");
     for (int i = 0; i < ERROR_CLAIMS; ++i) {
@@ -584,15 +581,14 @@ static void print_few_numbers(set_up *const *scenes) {
         if (gain_of(scenes[i], 8) < gain_of(scenes[least], 8)) least = i;
         if (gain_of(scenes[i], 8) > gain_of(scenes[most], 8)) most = i;
     }
-    printf("- **Few numbers: deep opacity beats opacity.** In the thesis's own layout that holds with 6 ");
+    printf("- **Few numbers: deep opacity beats opacity.** In the thesis's layout this holds with 6 numbers ");
     print_tally(DEEP_BETTER_6, scenes);
     printf(", with 8 ");
     print_tally(DEEP_BETTER_8, scenes);
-    printf(
-        ". Layers begin where each ray meets gas. With 8 the error of opacity is %.2f times that of deep opacity in "
-        "%s, where that helps most, and %.2f times in %s, where it helps least. In the library's layout deep opacity "
-        "is better with 6 ",
-        gain_of(scenes[most], 8), scenes[most]->name, gain_of(scenes[least], 8), scenes[least]->name);
+    printf(". Layers begin where each ray meets the medium. With 8 the error of opacity is %.2f times that of deep "
+           "opacity in %s, the best case, and %.2f times in %s, the worst. In the library's layout deep opacity is "
+           "better with 6 ",
+           gain_of(scenes[most], 8), scenes[most]->name, gain_of(scenes[least], 8), scenes[least]->name);
     print_tally(LIBRARY_6, scenes);
     printf(", with 8 ");
     print_tally(LIBRARY_8, scenes);
@@ -615,22 +611,21 @@ static void print_more_numbers(set_up *const *scenes) {
     for (int i = 0; i < SCENES; ++i) shrinks += fabs(gain_of(scenes[i], 24) - 1) < fabs(gain_of(scenes[i], 6) - 1);
     range_of(DEEP_EQUAL_24, scenes, own);
     range_of(LIBRARY_24, scenes, library);
-    printf("- **More numbers: the two meet.** In the thesis's layout they are practically equal with 16 ");
+    printf("- **More numbers: the two converge.** In the thesis's layout they are practically equal with 16 ");
     print_tally(DEEP_EQUAL_16, scenes);
     printf(", with 24 ");
     print_tally(DEEP_EQUAL_24, scenes);
     printf(
-        "; with 24 the error of opacity is %.2f to %.2f times that of deep opacity, and the two are closer than with 6 "
-        "in %d of %d scenes. The reason is that layout, whose layers have one thickness for all texels. With planes "
-        "between each texel's own first and last occluder, as in the library, the error of opacity is %.2f to %.2f "
-        "times that of deep opacity.\n",
+        ". With 24 the error of opacity is %.2f to %.2f times that of deep opacity, nearer to 1 than with 6 in %d of "
+        "%d scenes. The cause is a layer thickness common to all texels. The library places planes between each "
+        "texel's own first and last occluder. There the error of opacity is %.2f to %.2f times that of deep opacity.\n",
         own[0], own[1], shrinks, SCENES, library[0], library[1]);
 }
 
 static void print_fourier(set_up *const *scenes) {
     const set_up *puff = scenes[PUFF];
     const double common = gas_error_of(puff, FOURIER, 8), range = gas_error_of(puff, FOURIER_TEXEL_RANGE, 8);
-    printf("- **Fourier is the worst.** That holds with 6 ");
+    printf("- **Fourier is the worst.** This holds with 6 ");
     print_tally(FOURIER_WORST_6, scenes);
     printf(", with 8 ");
     print_tally(FOURIER_WORST_8, scenes);
@@ -638,15 +633,15 @@ static void print_fourier(set_up *const *scenes) {
     print_tally(FOURIER_WORST_16, scenes);
     printf(", with 24 ");
     print_tally(FOURIER_WORST_24, scenes);
-    printf(". This is the series without a window, over the range of depths that the gas occupies: for puff with 8 the "
-           "error is %.4f, against %.4f for opacity. A range for each texel %s it to %.4f.\n",
+    printf(". The series has no window and spans the depth range of the medium. In puff with 8 its error is %.4f, "
+           "against %.4f for opacity. A range per texel %s it to %.4f.\n",
            common, gas_error_of(puff, OPACITY, 8), range < common ? "lowers" : "raises", range);
 }
 
 static void print_own_truth(set_up *const *scenes) {
-    printf("- **A technique's own run with 24 is the truth.** It serves as such for opacity maps of 8 ");
+    printf("- **A technique's own map with 24 serves as reference.** This holds for opacity maps of 8 ");
     print_tally(OPACITY_OWN, scenes);
-    printf(", for Fourier maps ");
+    printf(", and for Fourier maps ");
     print_tally(FOURIER_OWN, scenes);
     printf(".\n");
 }
@@ -657,11 +652,9 @@ static void print_speed(set_up *const *scenes) {
     const int fastest = claim_holds(&time_claims[FOURIER_FASTEST_6], puff, seconds_of, &ratio);
     const int slowest = claim_holds(&time_claims[FOURIER_SLOWEST_16], puff, seconds_of, &ratio);
     const double query = trial_of(&puff->trials, FOURIER, 6)->query;
-    printf("- **Speed.** The finding that Fourier maps are fastest with 6 %s here; that they are slowest with 16 %s. "
-           "In the "
-           "thesis they saved the sorting of particles, which none of the three needs here. With 6 their queries take "
-           "%.2f "
-           "times as long as those of opacity, and %.2f times as long as those of deep opacity.\n",
+    printf("- **Speed.** Fourier maps are fastest with 6: this %s here. They are slowest with 16: this %s. In the "
+           "thesis they saved the sorting of particles, which none of the three needs here. With 6 a Fourier query "
+           "takes %.2f times as long as an opacity query, and %.2f times as long as a deep opacity query.\n",
            fastest ? "holds" : "does not hold", slowest ? "holds" : "does not hold",
            query / trial_of(&puff->trials, OPACITY, 6)->query, query / trial_of(&puff->trials, DEEP_OPACITY, 6)->query);
 }
@@ -670,46 +663,44 @@ static void print_speed(set_up *const *scenes) {
  */
 static void print_beer(set_up *const *scenes) {
     int better = 0;
-    printf(
-        "- **Beer maps.** Engines keep the mean extinction over the occupied part of a ray, so that the whole optical "
-        "depth is reached before the last occluder; the library spreads it from the first occluder to the last. Rms "
-        "errors in the gas, the library's first:");
+    printf("- **Beer maps.** Engines keep the mean extinction over the occupied part of a ray, and so reach the total "
+           "optical depth before the last occluder. The library spreads it from the first occluder to the last. Rms "
+           "errors in the medium, the library's first:");
     for (int i = 0; i < SCENES; ++i) {
         const double own = trial_of(&scenes[i]->trials, BEER, 6)->gas.rms;
         better += own < scenes[i]->beer_rms;
         printf("%s %s %.4f and %.4f", i > 0 ? "," : "", scenes[i]->name, own, scenes[i]->beer_rms);
     }
-    printf(". The library's is better in %d of %d scenes.\n", better, SCENES);
+    printf(". The library's error is smaller in %d of %d scenes.\n", better, SCENES);
 }
 
 static void print_lists(set_up *const *scenes) {
     printf(
-        "- **Bytes of lists.** Compressed and deep maps take almost nothing where there is no gas; all others take the "
-        "same for every texel. So over a map that the gas fills, lists come off worse than in the tables. Here gas "
-        "covers");
+        "- **Size of lists.** Compressed and deep maps take almost no memory where there is no medium; all others take "
+        "equal memory for every texel. So lists are larger than in the tables if a medium fills the map:\n\n"
+        "| scene | covered texels | epsilon | floats per texel | floats per covered texel |\n|---|---|---|---|---|\n");
     for (int i = 0; i < SCENES; ++i) {
         const trial *t = trial_of(&scenes[i]->trials, COMPRESSED, 16);
         const double texels = (double)scenes[i]->map_size * scenes[i]->map_size;
-        printf("%s %.0f %% of the texels in %s", i > 0 ? "," : "", 100 * scenes[i]->covered, scenes[i]->name);
-        printf(" (epsilon %g: %.1f floats per texel, %.1f per texel with gas)", (double)t->settings.epsilon,
-               t->bytes / 4 / texels, (t->bytes / 4 - texels) / (scenes[i]->covered * texels) + 1);
+        printf("| %s | %.0f %% | %g | %.1f | %.1f |\n", scenes[i]->name, 100 * scenes[i]->covered,
+               (double)t->settings.epsilon, t->bytes / 4 / texels,
+               (t->bytes / 4 - texels) / (scenes[i]->covered * texels) + 1);
     }
-    printf(".\n");
 }
 
 static void print_not_tried(set_up *const *scenes) {
     const trial *compressed = trial_of(&scenes[PUFF]->trials, COMPRESSED, 8);
     const trial *deep = trial_of(&scenes[PUFF]->trials, DEEP_OPACITY, 8);
-    printf("- **Not tried in the thesis.** For puff a compressed map with an epsilon of %g takes %.1f MB and errs by "
-           "%.4f; "
-           "a deep opacity map of 8 takes %.1f MB and errs by %.4f. The former takes %.2g times as long to make.\n",
-           (double)compressed->settings.epsilon, 1e-6 * compressed->bytes, compressed->gas.rms, 1e-6 * deep->bytes,
-           deep->gas.rms, compressed->build / deep->build);
+    printf(
+        "- **Not in the thesis.** In puff a compressed map with an epsilon of %g takes %.1f MB with an error of %.4f. "
+        "A deep opacity map of 8 takes %.1f MB with an error of %.4f. The former takes %.2g times as long to build.\n",
+        (double)compressed->settings.epsilon, 1e-6 * compressed->bytes, compressed->gas.rms, 1e-6 * deep->bytes,
+        deep->gas.rms, compressed->build / deep->build);
 }
 
 static void print_words(set_up *const *scenes) {
-    printf(
-        "\n## Findings\n\nThe first five begin with a finding of the thesis and go on with whether it holds here.\n\n");
+    printf("\n## Findings\n\nEach of the first five items names a finding of the thesis and says whether it holds "
+           "here.\n\n");
     print_few_numbers(scenes);
     print_more_numbers(scenes);
     print_fourier(scenes);
@@ -721,9 +712,8 @@ static void print_words(set_up *const *scenes) {
 }
 
 static void print_controls(set_up *const *scenes) {
-    printf("\n## Deep opacity: the thesis's layout and the library's\n\nRms errors in the gas of opacity, of deep "
-           "opacity in "
-           "the thesis's layout, and of deep opacity in the library's.\n\n| scene |");
+    printf("\n## Deep opacity: the thesis's layout and the library's\n\nRms errors in the medium, in this order: "
+           "opacity, deep opacity in the thesis's layout, deep opacity in the library's.\n\n| scene |");
     for (int which = 0; which < COUNTS; ++which) printf(" %d |", counts[which]);
     printf("\n|---|---|---|---|---|\n");
     for (int i = 0; i < SCENES; ++i) {
@@ -782,32 +772,25 @@ static void print_legend(void) {
 }
 
 static void print_head(void) {
-    printf(
-        "# Transmittance maps compared\n\n"
-        "Errors, sizes and times of every technique on six scenes, printed by `make maps`. The truth is the exact deep "
-        "map "
-        "of as\n"
-        "many texels. The setting is that of N. Giulietti's thesis (DigiPen, 2013), which rendered smoke with opacity, "
-        "deep\n"
-        "opacity and Fourier maps of 6, 8, 16 and 24 numbers per texel, and took each technique's own run with 24 for "
-        "the "
-        "truth.\n"
-        "Advice drawn from these figures is in [shadow_maps.md](shadow_maps.md).\n");
+    printf("# Transmittance maps compared\n\n"
+           "`make maps` prints errors, sizes and times "
+           "of every technique on six scenes. The reference is the exact deep map of equal\n"
+           "resolution. The setup follows N. Giulietti's thesis (DigiPen, 2013). It rendered smoke with opacity, deep "
+           "opacity and\n"
+           "Fourier maps of 6, 8, 16 and 24 numbers per texel. Its reference was each technique's own map with 24.\n"
+           "[shadow_maps.md](shadow_maps.md) has advice based on these figures.\n");
 }
 
 static void print_charts(void) {
     printf(
         "\n## Charts\n\n"
-        "%d particles, one spot light, maps of %d x %d texels (%d x %d except for puff and wind), pictures of %d x %d. "
-        "Times are\n"
-        "those of the machine it ran on (%d processors); errors are the same anywhere, up to "
-        "rounding.\n\n"
+        "%d particles, one spotlight, maps of %d x %d texels (%d x %d except for puff and wind), pictures of %d x %d. "
+        "Times\n"
+        "are of %d processors of one machine; errors are equal on all machines, up to rounding.\n\n"
         "![Error over time](maps_time.png)\n![Error over bytes](maps_bytes.png)\n![Error over "
         "bytes](maps_bytes_hard.png)\n\n"
-        "Differences of the puff's pictures, four times enlarged, as a screen shows them, with 8 numbers per texel or "
-        "the "
-        "next\n"
-        "lower number available:\n\n"
+        "Differences of the puff's pictures in display values, "
+        "amplified four times, with 8 numbers per texel or the next lower\nnumber available:\n\n"
         "![Differences](maps_differences.png)\n",
         PARTICLES, MAP_SIZE, MAP_SIZE, SMALL_MAP_SIZE, SMALL_MAP_SIZE, WIDTH, HEIGHT, ex_processor_count());
 }
@@ -821,10 +804,9 @@ static void time_scene(ex_session *session, set_up *s) {
 }
 
 static void print_time_table(const set_up *s) {
-    printf(
-        "\n## Times of %s\n\nThe shortest of %d runs, or one run where build and query take more than %g s, with all "
-        "processors. The query is of %d points; the picture's time includes making its map.\n\n",
-        s->name, TURNS + 1, LONG, POINTS);
+    printf("\n## Times of %s\n\nThe shortest of %d runs, or one run if build and query take more than %g s, on all "
+           "processors. A query is of %d points. The picture's time includes building its map.\n\n",
+           s->name, TURNS + 1, LONG, POINTS);
     print_times(s);
 }
 

@@ -8,8 +8,8 @@
 
 enum { PICTURES = 5, ACROSS = 48, DOWN = 36, FLOATS = 4 * ACROSS * DOWN };
 
-static const char *const picture_names[PICTURES] = {"gas over a floor", "surfaces of a scan", "particles and a lamp",
-                                                    "panes, soft sun", "light that scatters again"};
+static const char *const picture_names[PICTURES] = {"gas over a floor", "surfaces of a scan", "particles and a light",
+                                                    "translucent, soft sun", "multiple scattering"};
 static check_triangles floor_of_ports, panes_of_ports;
 
 static void look_from_above(check_scene *s) {

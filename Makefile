@@ -160,7 +160,7 @@ speed: $(BENCHES)
 accuracy: build/measure/prices
 	@mkdir -p build/price_list
 	build/measure/prices build/price_list > build/price_list/prices.md
-	@{ sed '/^## Which error at which price/,$$d' docs/accuracy.md; sed '/^## All figures/,$$d' build/price_list/prices.md; \
+	@{ sed '/^## Error and time by use/,$$d' docs/accuracy.md; sed '/^## All figures/,$$d' build/price_list/prices.md; \
 		sed -n '/^## Penumbrae/,/^## Bounds/p' docs/accuracy.md | sed '$$d'; \
 		sed -n '/^## Bounds/,$$p' build/price_list/prices.md; } > build/accuracy.md
 	cp build/price_list/accuracy_*.png docs && cp build/accuracy.md docs/accuracy.md

@@ -303,11 +303,10 @@ static void search_blob(void) {
 static void bench_cheapest(void) {
     ex_grid grid;
     frame f;
-    printf("## Cheapest settings\n\n512 x 512 pixels, 2 workers, voxels held. For each error the cheapest setting of "
-           "all that were tried:\nevery knob, then every two together. Pictures of fewer pixels are enlarged linearly, "
-           "which is part of their\ntime and of their error. Truth is the closed form for the blob, elsewhere "
-           "`sps_reference` at every 5th to\n17th pixel in each direction. Errors are root mean squares in "
-           "radiance.\n");
+    printf("## Cheapest settings\n\n512 x 512 pixels, 2 workers, cached voxels. The search varies every setting, then "
+           "every pair, and lists the\ncheapest setting for each error. Smaller pictures are enlarged linearly; time "
+           "and error include this. The\nreference is the closed form for the blob, and `sps_reference` at every 5th "
+           "to 17th pixel in each direction\nelsewhere. Errors are rms in radiance.\n");
     search_blob();
     if (!smoke_load(&grid)) {
         smoke_ground_frame(&f, &grid, SEARCH_SIZE);

@@ -602,22 +602,20 @@ static void print_figures(const price *p) {
 }
 
 static void print_page(const price *prices, int count) {
-    printf("## Which error at which price\n\n%d scenes, %d x %d pixels, %d workers. Errors are root mean squares in "
-           "radiance, ",
-           count, PRICE_SIZE, PRICE_SIZE, WORKERS);
-    printf("relative\nto the mean of the truth. Times are relative to the scene at `medium` once its voxels and shadow "
-           "tables are held;\nthe first frame is that of a new context, which makes them. They are not exact: `medium` "
-           "itself, which is in each scene's\ntable twice, differs by up to %.0f %%.\n",
+    printf("## Error and time by use\n\n%d scenes, %d x %d pixels, %d workers. Errors are rms in radiance, ", count,
+           PRICE_SIZE, PRICE_SIZE, WORKERS);
+    printf("relative to the mean of the\nreference. Times are relative to the scene at `medium` with cached voxels and "
+           "shadow tables; the first frame is of a\nnew context, which makes them. Noise: two measurements of `medium` "
+           "in each scene differ by up to %.0f %%.\n",
            100 * times_spread(prices, count));
     print_grades(prices, count);
-    printf("\n## The cheapest setting for an error\n\nTime of the cheapest setting that was found; the settings stand "
-           "below, scene by scene.\n");
+    printf("\n## The cheapest setting for an error\n\nRelative time of the cheapest setting found. `prices.csv` has "
+           "the settings.\n");
     print_times(prices, count);
-    printf(
-        "\n![Error in percent against time](accuracy_curves.png)\n\nError in percent against time. Grey: all settings "
-        "that were tried; blue: those of which none is both faster and more exact.\n\n"
-        "![Differences](accuracy_differences.png)\n\nLeft, the truth; then what pictures differ by from it, as "
-        "grey, where white is 5 %% of the mean too bright and black 5 %% too dark.\n");
+    printf("\n![Error in percent against time](accuracy_curves.png)\n\nError in percent against time. Grey: all "
+           "settings; blue: the Pareto front.\n\n"
+           "![Differences](accuracy_differences.png)\n\nLeft: the reference. Others: differences from it in grey; "
+           "white is 5 %% of the mean too bright, black 5 %% too dark.\n");
     printf("\n## All figures\n");
     for (int i = 0; i < count; ++i) print_figures(prices + i);
 }
@@ -648,18 +646,16 @@ static void print_bounds(price *p) {
 }
 
 static void print_all_bounds(price *prices, int count) {
-    printf(
-        "\n## Bounds\n\n"
-        "`sps_reference` with `lower` and `upper`, in steps of some voxels: how far apart these are, on average and in "
-        "99 %% of pixels\n(relative to the mean of the truth); its time; and by how much the truth of the tables above "
-        "is outside at most, which is that\ntruth's own error: closed forms are of gas, and bounds of its voxels; "
-        "marched truths have steps. Wherever between the bounds the\ntruth is, the error of a picture is at least "
-        "what it is outside of them by, and at most its distance to the farther one: the two\nfigures for each "
-        "quality, "
-        "root mean squares. Pixels are every 9th in either direction, or those that the truth has; of\nmany, every "
-        "third for fine steps. `build/measure/prices FOLDER bounds` prints this table alone.\n\n"
-        "| scene | step | pixels | apart | 99 %% within | time per pixel | truth outside by | error of `medium` | "
-        "`high` | `ultra` |\n|---|---|---|---|---|---|---|---|---|---|\n");
+    printf("\n## Bounds\n\n"
+           "`sps_reference` with `lower` and `upper` brackets the exact radiance. The table shows the width of the "
+           "bracket, on average\nand at the 99th percentile, relative to the mean, and the time per pixel. \"Truth "
+           "outside by\" is the largest distance of\nthe tables' reference from the bracket. It is the reference's own "
+           "error: closed forms describe the gas and bounds its\nvoxels, and marched references have steps. For each "
+           "quality, the two figures are rms distances from the bracket and\nfrom its farther bound: the exact error "
+           "lies between them. Pixels are every 9th in each direction or all of the reference; with fine\nsteps, at "
+           "most every third. `build/measure/prices FOLDER bounds` prints this table alone.\n\n"
+           "| scene | step | pixels | apart | 99 %% within | time per pixel | truth outside by | error of `medium` | "
+           "`high` | `ultra` |\n|---|---|---|---|---|---|---|---|---|---|\n");
     for (int i = 0; i < count; ++i) {
         int at[KNOBS];
         for (int k = 0; k < KNOBS; ++k) at[k] = AS_IT_IS;

@@ -10981,68 +10981,60 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossi
 }
 
 /* ================================================================================================ >>sampler
-   21 Filling sheets from the pixels' side. The field at a point is the sum of 4^3 or 6^3 voxels about it, weighted
-   along each axis by the kernel; weights add up to 1, and are for 1025 places between voxels. Voxels lie in bricks of
-   8^3 with an apron, so that all taps of a point are in one; a brick is held if any voxel is within reach, and has a
-   bit for each of its cells of 2^3 voxels: whether samples are taken there. In a gas, they are where a voxel is within
-   reach, in a classified volume where one is that may be shown, and as far from there as looks depend on it. Rays that
-   have ended have none. Samples lie in the middle of equal steps h along a pixel's ray. The integral over a slab is h
-   times their sum plus h / 24 times the change of the field's differences from its first to its last step (midpoint
-   rule with its end correction, error of order h^4), and where a polygon or the near plane cuts it, its rest has
-   samples of its own. The rays of a vector of pixels are followed side by side: only taps are read one sample after the
-   other. Where voxels are smaller than pixels, a pixel of gas has two rays, at opposite corners of its middle half,
-   which swing to the other two corners from sample to sample: along a ray that is as good as four. The smallest voxels
-   that are not left to a coarser level have four, a level's nine, or 3^2 to 8^2, evenly spread over the pixel, where a
-   level that is fine enough for the nearest voxels and the longest edges is too fine for others. The eye's pixels
-   choose a volume's level for all targets: with two of them, gas would lie before or behind its own shadow. A share of
-   the next level, which grows as voxels become smaller, is added to each. Of a light's sheets, a texel has as few rays
-   as serve the level, or one, where it is classified, wherever it hits, since samples at places are right in the mean,
-   and looks of means are not. Volumes that are not classified have a pyramid: each level's voxels are twice as large,
-   halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3. Gradients of surfaces are sums of the
-   same voxels, weighted by the kernel's derivative.
-   With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels in those slabs where gas is smooth: cubics across
-   the patch, and midpoints along it, are off by what a bound on the field's third derivatives allows, the
-   greatest third differences of voxels in eighths of bricks. These are differences of a smooth field to within the
-   kernel's ripple.
-   Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3, twice as many per gradient, and 60 per vector
-   of samples or gradients; 5 per vector of what is interpolated; a level is made from its finer one in about 60
-   operations per voxel. */
+   21 Volumes sampled per pixel (gathering). A volume's value is the sum of 4^3 or 6^3 voxels around a point, weighted
+   by the kernel along each axis. Weights are normalised and tabulated for 1025 positions between voxels. Bricks of 8^3
+   voxels have an apron, so that all taps of a point lie in one brick. A bit per cell of 2^3 voxels tells where samples
+   are taken: within reach of any voxel of a gas, near visible voxels of a classified volume. Terminated rays take none.
+   Samples lie in the middles of equal steps h. A slab's integral is h times their sum plus h / 24 times the change of
+   differences from its first step to its last. This is the midpoint rule with end correction, error O(h^4). Slabs that
+   a polygon or the near plane cuts have samples of their own. The rays of a vector of pixels advance together; only
+   taps are read sample by sample.
+   Where voxels are smaller than pixels, a pixel has two rays through opposite corners of its middle half. From sample
+   to sample they swing to the other two corners, which is as good as four rays. Still smaller voxels take four, nine,
+   or 3^2 to 8^2 rays, evenly spread. Unclassified volumes have a pyramid: each level is downsampled with weights 1, 3,
+   3, 1 along each axis (spectrum cos^3). The camera's pixels choose a volume's level for all targets; with two levels,
+   gas would lie before or behind its own shadow. The next level is blended in gradually. A light's texel takes the
+   fewest rays that suit the level. Classified volumes take one at full resolution, because a transfer function of a
+   mean is not the mean of the transfer function. Surface gradients weight the same voxels by the kernel's derivative.
+   With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels in slabs where gas is smooth. Cubics interpolate
+   across the patch. A bound on the third derivative limits the error: the greatest third differences per octant of a
+   brick, exact to within the kernel's ripple.
+   Cost: 20 vector operations per sample of 4^3 voxels, 80 of 6^3, and twice as many per gradient. Add 60 per vector of
+   samples or gradients, and 5 per interpolated vector. A coarser level costs 60 operations per finer voxel. */
 
-#define SPSI_SAMPLER_MOST     11   /* samples of a ray in a slab; thicker slabs are splatted */
-#define SPSI_SAMPLER_STEP     1.45 /* voxels between samples of a ray, at most: one in a slab of a voxel at any slant */
-#define SPSI_SAMPLER_STEP_6   1.0  /* the same with 6^3 voxels */
-#define SPSI_SAMPLER_OPAQUE   1e4  /* optical depth of a voxel; those 3 voxels away weigh 1e-5, and count then */
-#define SPSI_SAMPLER_VARIANCE 0.125 /* least of a voxel, in rays' distances: half that of the pixel filter in pixels   \
-                                     */
-#define SPSI_SAMPLER_TWO    0.25    /* the same where two rays swing, which miss more of what is as narrow as they */
-#define SPSI_SAMPLER_LONE   0.3 /* the same where a level's lone voxels keep their mass: 4 exp(-2 pi^2 0.3) is 1 % */
-#define SPSI_SAMPLER_WIDEST 1.0 /* most of a level's voxel, in texels of one ray, or halves of a pixel of several */
-#define SPSI_SAMPLER_RAYS   64  /* most of a pixel */
-#define SPSI_SAMPLER_SLABS  (SPSI_CHUNK + 4) /* of a tile, at most */
-#define SPSI_PYRAMID_BATCH  16               /* bricks that a task fills */
+#define SPSI_SAMPLER_MOST     11   /* samples per ray and slab, at most; thicker slabs are splatted */
+#define SPSI_SAMPLER_STEP     1.45 /* largest step in voxels: one sample in a slab of one voxel, at any angle */
+#define SPSI_SAMPLER_STEP_6   1.0  /* largest step with 6^3 taps */
+#define SPSI_SAMPLER_OPAQUE   1e4  /* splat voxels of a greater optical depth: taps 3 voxels away weigh 1e-5 */
+#define SPSI_SAMPLER_VARIANCE 0.125 /* least variance of a voxel in ray spacings: half the pixel filter's */
+#define SPSI_SAMPLER_TWO    0.25    /* the limit for two swinging rays, which miss more of narrow voxels */
+#define SPSI_SAMPLER_LONE   0.3 /* the limit where isolated voxels of a level keep their mass: 4 exp(-2 pi^2 0.3) = 1
+                                   % */
+#define SPSI_SAMPLER_WIDEST 1.0 /* largest deviation of a level's voxel, in texels of one ray or half pixels */
+#define SPSI_SAMPLER_RAYS   64  /* rays per pixel, at most */
+#define SPSI_SAMPLER_SLABS  (SPSI_CHUNK + 4) /* slabs of a tile, at most */
+#define SPSI_PYRAMID_BATCH  16               /* bricks per task */
 #define SPSI_PYRAMID_CELLS  16777216         /* 2^24: floats count bricks of a grid */
 
-/* Nanoseconds, by which filling is chosen; only their ratios matter. One core of a machine with vectors of 16: where
-   vectors are shorter, fragments cost more. The choice does not depend on that, so that pictures don't either.
-   Footprints count 1.35 times, as those that lie in two tiles or chunks of slabs. The cost of samples
-   of 6^3 voxels was fitted to processor times: in eleven passes over a bonsai, a blob, smoke and 256^3 full of gas, at
-   high and ultra quality and 256 or 1024 pixels, the value at which both ways cost what they took lay between 16 and
-   37, with a median of 28. With 27, each pass goes the faster way, though the two differ by less than noise in some.
-   At medium all are gathered, which is faster, with any value up to 20 for 4^3. */
+/* Nanoseconds that decide between splatting and gathering; only ratios matter. Measured on one core with vectors of 16,
+   and applied to all machines, so that images do not depend on them. Footprints count 1.35 times, since some lie in two
+   tiles or chunks. The cost of 6^3 taps is fitted to eleven passes (bonsai, blob, smoke, 256^3 full of gas; high and
+   ultra; 256 or 1024 pixels). They break even between 16 and 37, median 28. At medium quality, any value up to 20 for
+   4^3 gathers all, which is faster. */
 #define SPSI_COST_FOOTPRINT   90.0
 #define SPSI_COST_FRAGMENT    0.57
 #define SPSI_COST_SAMPLE      8.0
-#define SPSI_COST_SAMPLE_WIDE 27.0 /* of 6^3 voxels */
+#define SPSI_COST_SAMPLE_WIDE 27.0 /* 6^3 taps */
 
-/* Floats along the edges of a brick with its apron, and from one row to the next. */
+/* Floats along a brick's edge, apron included, and from row to row. */
 static inline int spsi_pyramid_edge(int taps) { return SPSI_BRICK + taps - 1; }
 static inline int spsi_pyramid_pitch(int taps) { return taps > 4 ? 16 : 12; }
 static inline size_t spsi_pyramid_floats(int taps) {
     return (size_t)(spsi_pyramid_edge(taps) * spsi_pyramid_edge(taps) * spsi_pyramid_pitch(taps));
 }
 
-/* Voxels between samples of a ray, at most. Samples h apart take waves of voxels for others: along the ray, those of
-   length h, of which the kernel leaves exp(-2 (pi sigma / h)^2), 2 % or, with 6^3 voxels, 0.02 %. */
+/* Largest step h in voxels. Waves of length h along the ray alias; the kernel leaves exp(-2 (pi sigma / h)^2) of them,
+   2 % or, with 6^3 taps, 0.02 %. */
 static inline double spsi_sampler_step(const spsi_pyramid *fields) {
     return fields->taps > 4 ? SPSI_SAMPLER_STEP_6 : SPSI_SAMPLER_STEP;
 }
@@ -11067,22 +11059,22 @@ SPSI_COLD void spsi_pyramids_weigh(spsi_pyramid *fields, int taps) {
     }
 }
 
-/* The eighths of bricks, cubes of 4^3 voxels, in which points have a brick's voxels within reach: `range` holds the
-   first and the last along each axis, counted from the whole volume's first voxel. */
+/* Range of octants (4^3 voxels of a brick) whose points have a brick's voxels within reach. Counted along each axis
+   from the volume's first voxel. */
 SPSI_COLD void spsi_pyramid_reach(const spsi_brick *brick, int taps, int range[2][3]) {
     enum { HALF = SPSI_BRICK / 2 };
     for (int k = 0; k < 3; ++k) {
         const int low = brick->base[k] + brick->low[k] - taps / 2,
                   high = brick->base[k] + brick->high[k] + taps / 2 - 1;
-        range[0][k] = (low + SPSI_BRICK) / HALF - 2; /* rounded down */
+        range[0][k] = (low + SPSI_BRICK) / HALF - 2; /* floor */
         range[1][k] = (high + SPSI_BRICK) / HALF - 2;
     }
 }
 
-/* Half, rounded down: the brick of an eighth, or that of the next coarser level. */
+/* Half, rounded down: an octant's brick, or a brick's parent in the next level. */
 static inline int spsi_pyramid_half(int at) { return (at + 2 * SPSI_SIZE_MAX) / 2 - SPSI_SIZE_MAX; }
 
-/* Number of bricks in a field's grid. */
+/* Bricks in a level's grid. */
 SPSI_COLD size_t spsi_pyramid_cells(const spsi_pyramid_level *field) {
     return (size_t)field->size[0] * (size_t)field->size[1] * (size_t)field->size[2];
 }
@@ -11093,7 +11085,7 @@ static size_t spsi_pyramid_cell(const spsi_pyramid_level *field, const int at[3]
                ((size_t)(at[1] - field->low[1]) + (size_t)field->size[1] * (size_t)(at[2] - field->low[2]));
 }
 
-/* The brick at a place of a field's grid. */
+/* Brick coordinates of a grid index. */
 static void spsi_pyramid_at(const spsi_pyramid_level *field, int place, int at[3]) {
     at[0] = place % field->size[0] + field->low[0];
     at[1] = place / field->size[0] % field->size[1] + field->low[1];
@@ -11106,7 +11098,7 @@ static int spsi_pyramid_has(const spsi_pyramid_level *field, const int at[3]) {
     return has;
 }
 
-/* Places the grid about a volume's bricks. */
+/* Fits the grid around a volume's bricks. */
 SPSI_COLD void spsi_pyramid_place(const spsi_brick *bricks, int taps, spsi_pyramid_level *field) {
     int high[3] = {-1, -1, -1};
     for (int k = 0; k < 3; ++k) field->low[k] = SPSI_SIZE_MAX * SPSI_SIZE_MAX;
@@ -11123,7 +11115,7 @@ SPSI_COLD void spsi_pyramid_place(const spsi_brick *bricks, int taps, spsi_pyram
     for (int k = 0; k < 3; ++k) field->size[k] = field->end > field->first ? high[k] - field->low[k] + 1 : 0;
 }
 
-/* Marks the eighths within reach of a brick of voxels, as bits of the grid. */
+/* Sets a bit in the grid for each octant within reach of a brick of voxels. */
 static void spsi_pyramid_mark(const spsi_brick *brick, int taps, spsi_pyramid_level *field) {
     int range[2][3], at[3];
     spsi_pyramid_reach(brick, taps, range);
@@ -11139,7 +11131,7 @@ static void spsi_pyramid_mark(const spsi_brick *brick, int taps, spsi_pyramid_le
             }
 }
 
-/* Notes where sources are, and numbers the bricks that have them within reach. */
+/* Registers the source bricks, and numbers the bricks within their reach. */
 SPSI_COLD void spsi_pyramid_number(const spsi_brick *bricks, int taps, spsi_pyramid_level *field) {
     const size_t cells = spsi_pyramid_cells(field);
     for (size_t i = 0; i < cells; ++i) field->sources[i] = -1, field->grid[i] = 0;
@@ -11157,18 +11149,18 @@ SPSI_COLD void spsi_pyramid_number(const spsi_brick *bricks, int taps, spsi_pyra
     }
 }
 
-/* A field whose bricks are being filled. */
+/* Task data: a level whose bricks are being filled. */
 typedef struct spsi_pyramid_job {
     const sps_context *context;
-    const spsi_brick *bricks;        /* of relevant voxels */
-    const spsi_material *classifies; /* what is shown; NULL: voxels that are not 0 */
+    const spsi_brick *bricks;        /* relevant voxels */
+    const spsi_material *classifies; /* material that decides visibility; NULL: any voxel above 0 */
     int taps;
     const spsi_pyramid_level *field;
-    const spsi_pyramid_level *fine; /* the next finer one, of a level */
+    const spsi_pyramid_level *fine; /* next finer level; NULL for the finest */
 } spsi_pyramid_job;
 
-/* Notes which voxels of a brick's own are shown: in a gas, those that are not 0, in a classified volume, those up to
-   whose values the transfer function shows something. */
+/* Mask of a brick's visible voxels: above 0 in a gas; classified ones unless their whole range 0..value is
+   transparent. */
 static void spsi_pyramid_show(const spsi_pyramid_job *job, const float *values, uint64_t *shown) {
     const int edge = spsi_pyramid_edge(job->taps), pitch = spsi_pyramid_pitch(job->taps), border = job->taps / 2 - 1;
     const int lanes = spsi_imin(SPSI_LANES, SPSI_BRICK), whole = (1 << lanes) - 1;
@@ -11184,7 +11176,7 @@ static void spsi_pyramid_show(const spsi_pyramid_job *job, const float *values, 
     }
 }
 
-/* Writes the voxels of a brick's own source, if it has one, about a border that is 0. */
+/* Writes a brick's own voxels, if it has any, inside a zero apron. */
 static void spsi_pyramid_own_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
     const int edge = spsi_pyramid_edge(job->taps), pitch = spsi_pyramid_pitch(job->taps), border = job->taps / 2 - 1;
@@ -11202,8 +11194,7 @@ static void spsi_pyramid_own_task(void *data, int held) {
     spsi_pyramid_show(job, values, job->field->shown + (size_t)held * SPSI_BRICK);
 }
 
-/* What a brick and a neighbour of it, `off` bricks away along an axis, have in common: the first voxel of the brick,
-   apron included, that of the neighbour, and their number. */
+/* Overlap of a brick with its neighbour `off` bricks away along an axis: first voxel in either one, and count. */
 typedef struct spsi_apron {
     int to, from, count;
 } spsi_apron;
@@ -11215,7 +11206,7 @@ static inline spsi_apron spsi_apron_at(int taps, int off) {
     return off < 0 ? before : off > 0 ? behind : own;
 }
 
-/* Copies to a brick's apron what its neighbour has there. */
+/* Copies voxels of a neighbour into the apron. */
 static void spsi_pyramid_copy(int taps, const int off[3], const float *from, float *to) {
     const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps);
     const spsi_apron x = spsi_apron_at(taps, off[0]), y = spsi_apron_at(taps, off[1]), z = spsi_apron_at(taps, off[2]);
@@ -11227,7 +11218,7 @@ static void spsi_pyramid_copy(int taps, const int off[3], const float *from, flo
         }
 }
 
-/* A row of shown voxels of three bricks side by side. */
+/* Visible voxels in a row of three adjacent bricks. */
 static inline uint32_t spsi_shown_row(const uint64_t *const shown[3], int row) {
     uint32_t bits = 0;
     for (int k = 0; k < 3; ++k)
@@ -11235,21 +11226,21 @@ static inline uint32_t spsi_shown_row(const uint64_t *const shown[3], int row) {
     return bits;
 }
 
-/* The cells that see a place along an axis, as bits: cell c sees those from 2 c + 1 - reach to 2 c + 1 + reach. */
+/* Mask of cells that reach a voxel along an axis: cell c reaches 2 c + 1 - reach to 2 c + 1 + reach. */
 static inline int spsi_cells_seeing(int reach, int at) {
     int cells = 0;
     for (int c = 0; c < SPSI_BRICK / 2; ++c) cells |= (at > 2 * c - reach && at <= 2 * c + 1 + reach) << c;
     return cells;
 }
 
-/* The cells of a brick that see shown voxels, of its own and of the bricks around it; NULL: there is none. */
+/* Marks a brick's cells that reach visible voxels of it or its neighbours (NULL: none). */
 static void spsi_cells_mark(const uint64_t *const shown[27], int reach, uint32_t cells[2]) {
     const int low = 1 - reach, high = SPSI_BRICK + reach;
     const uint32_t window = (1u << (2 * reach + 1)) - 1;
     cells[0] = cells[1] = 0;
     for (int z = low; z < high; ++z) {
         const int brick_z = (z + SPSI_BRICK) / SPSI_BRICK, sees_z = spsi_cells_seeing(reach, z);
-        uint32_t layer = 0; /* cells along x, and along y */
+        uint32_t layer = 0; /* 4 x 4 cells */
         for (int y = low; y < high; ++y) {
             const int brick_y = (y + SPSI_BRICK) / SPSI_BRICK, sees_y = spsi_cells_seeing(reach, y);
             const int row = (z + SPSI_BRICK) % SPSI_BRICK * SPSI_BRICK + (y + SPSI_BRICK) % SPSI_BRICK;
@@ -11265,7 +11256,7 @@ static void spsi_cells_mark(const uint64_t *const shown[27], int reach, uint32_t
     }
 }
 
-/* Which bricks with voxels of their own are around a brick that is held, itself included; -1: there is none. */
+/* Stored bricks with voxels of their own around a brick, itself included; -1: none. */
 static void spsi_pyramid_around(const spsi_pyramid_level *field, int held, int around[27]) {
     int at[3];
     spsi_pyramid_at(field, field->places[held], at);
@@ -11276,8 +11267,8 @@ static void spsi_pyramid_around(const spsi_pyramid_level *field, int held, int a
     }
 }
 
-/* Fills the aprons of bricks whose own voxels are in place, and marks their cells: samples in one have half of `taps`
-   voxels within reach along an axis. A classified volume's are taken if any up to n voxels farther away is shown. */
+/* Fills aprons and marks the cells to sample: those with voxels within taps / 2, or n more for mask n of a classified
+   volume. */
 static void spsi_pyramid_apron_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
     const spsi_pyramid_level *field = job->field;
@@ -11296,14 +11287,13 @@ static void spsi_pyramid_apron_task(void *data, int held) {
         spsi_cells_mark(shown, job->taps / 2 + n, field->cells[n][field->places[held]]);
 }
 
-/* ---- how much a field bends ---- */
+/* ---- third differences ---- */
 
-/* The greatest of a vector of rows' differences so far. */
 static inline spsi_v spsi_third_most(spsi_v most, spsi_v a, spsi_v b) {
     return spsi_max(most, spsi_abs(spsi_sub(a, b)));
 }
 
-/* Second differences about a row of voxels: along x, along y, along z, and of x with y. */
+/* Second differences around a row of voxels: xx, yy, zz and xy. */
 static inline void spsi_second_difference(const float *v, const int step[3], spsi_v second[4]) {
     const spsi_v here = spsi_load(v), right = spsi_load(v + step[0]), below = spsi_load(v + step[1]);
     for (int k = 0; k < 3; ++k)
@@ -11311,7 +11301,7 @@ static inline void spsi_second_difference(const float *v, const int step[3], sps
     second[3] = spsi_sub(spsi_sub(spsi_load(v + step[0] + step[1]), right), spsi_sub(below, here));
 }
 
-/* The greatest third differences of each kind that begin in vectors of 4^2 rows of voxels. */
+/* Greatest third differences of each kind that begin in 4 x 4 rows of voxels. */
 static inline void spsi_third_difference(const float *v, const int step[3], spsi_v third[10]) {
     static const int pairs[6][2] = {{0, 1}, {0, 2}, {1, 0}, {1, 2}, {2, 0}, {2, 1}}; /* x x y, x x z, ... */
     for (int i = 0; i < 10; ++i) third[i] = spsi_set(0);
@@ -11327,8 +11317,8 @@ static inline void spsi_third_difference(const float *v, const int step[3], spsi
     }
 }
 
-/* The maximum in each eighth of a brick of the field's third derivative, in any direction, per voxel: the norm of the
-   largest third differences of its voxels, of each kind. */
+/* Per octant, a bound of the third derivative in any direction, in voxel units: the norm of the greatest third
+   differences of each kind. */
 static void spsi_pyramid_thirds(int taps, const float *values, float bends[8]) {
     static const float weights[10] = {1, 1, 1, 3, 3, 3, 3, 3, 3, 6};
     const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), border = taps / 2 - 1;
@@ -11358,7 +11348,7 @@ static void spsi_pyramid_thirds(int taps, const float *values, float bends[8]) {
 
 /* ---- coarser levels ---- */
 
-/* The box of the next level: of bricks that have a voxel of the finer one's bricks within reach. */
+/* Box of the next level: bricks that reach a voxel of the finer level's bricks. */
 SPSI_COLD void spsi_level_place(const spsi_pyramid_level *fine, spsi_pyramid_level *level) {
     for (int k = 0; k < 3; ++k) {
         level->low[k] = spsi_pyramid_half(fine->low[k] - 1);
@@ -11366,7 +11356,7 @@ SPSI_COLD void spsi_level_place(const spsi_pyramid_level *fine, spsi_pyramid_lev
     }
 }
 
-/* Numbers the bricks of a level about those that the finer one holds. Each may have voxels of its own. */
+/* Numbers a level's bricks around those of the finer level. Each may have voxels of its own. */
 SPSI_COLD void spsi_level_number(const spsi_pyramid_level *fine, spsi_pyramid_level *level) {
     const size_t cells = spsi_pyramid_cells(level);
     for (size_t i = 0; i < cells; ++i) level->grid[i] = 0;
@@ -11386,7 +11376,7 @@ SPSI_COLD void spsi_level_number(const spsi_pyramid_level *fine, spsi_pyramid_le
     }
 }
 
-/* Halves a brick and one voxel about it, along each axis: weights 1, 3, 3 and 1 of 8. Writes 4^3 voxels. */
+/* Downsamples a brick and its one-voxel border, weights (1, 3, 3, 1) / 8 along each axis. Writes 4^3 voxels. */
 static void spsi_level_octant(int taps, const float *fine, float *coarse) {
     enum { FROM = SPSI_BRICK + 2, TO = SPSI_BRICK / 2 };
     const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), first = taps / 2 - 2;
@@ -11409,7 +11399,7 @@ static void spsi_level_octant(int taps, const float *fine, float *coarse) {
                                                      0.375f * (xy_halved[2 * z + 1][y][x] + xy_halved[2 * z + 2][y][x]);
 }
 
-/* Fills a level's bricks with their own voxels, an eighth from each brick of the finer one. */
+/* Fills a level's bricks, an octant from each finer brick. */
 static void spsi_level_own_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
     const spsi_pyramid_level *level = job->field, *fine = job->fine;
@@ -11435,32 +11425,34 @@ static void spsi_level_own_task(void *data, int held) {
 
 /* ---- rays ---- */
 
-/* A field as a target's rays see it. Voxels' centres have whole places, counted from the field's first brick. */
+/* A pyramid level in the coordinates of a target's rays. Voxel centres are at integers, counted from the level's first
+   brick. */
 typedef struct spsi_sampler {
     const spsi_pyramid *fields;
-    const spsi_pyramid_level *field; /* of its level */
+    const spsi_pyramid_level *field; /* the level to sample */
     const spsi_pyramid_level *finest;
-    const uint32_t (*cells)[2];    /* of the field, by the reach that is wanted */
-    int level, wanted;             /* 0: voxels as they were read; the frame's, which may be wider than texels */
-    float mix, least, widest;      /* weight of the next level; least variance in rays' distances; greatest width */
-    int rays, side;                /* of a pixel: 1, or 2 that swing, or a square of 2^2 to 8^2; along its side */
-    float aside;                   /* pixels from its centre to the outermost, along each axis */
-    double breadth;                /* standard deviation of a voxel of its level, along its longest edge */
+    const uint32_t (*cells)[2];    /* its cells to sample, for the reach wanted */
+    int level, wanted;             /* level to sample, 0: as read; the frame's, which may be too wide for texels */
+    float mix, least, widest;      /* weight of the next level; least variance, in spacings of 2^2 rays; greatest
+                                      width */
+    int rays, side;                /* rays per pixel: 1, 2 that swing, or 2^2 to 8^2; rays along the square's side */
+    float aside;                   /* pixels from the centre to the outermost ray, along each axis */
+    double breadth;                /* standard deviation of a voxel along its longest edge */
     spsi_linear at[3], slab;
     int whole;        /* 1: neither polygons nor the near plane cut slabs */
-    int lone;         /* 1: a ray has one sample in a slab; sheets hold what it finds there, not the slab's mean */
-    float near_d;     /* t at which rays begin, as t - depth_reference */
-    float scale;      /* of values */
-    float rows[3][3]; /* change of a place with world position, per cube root of a voxel's volume */
+    int lone;         /* 1: one sample per slab; sheets store it instead of the slab's mean */
+    float near_d;     /* t where rays begin, minus depth_reference */
+    float scale;      /* factor on values */
+    float rows[3][3]; /* change of coordinates with world position, times the cube root of a voxel's volume */
 } spsi_sampler;
 
-/* The weights of a place along each axis, and how they change. */
+/* A point's kernel weights along each axis, and their derivatives. */
 typedef struct spsi_tap_weights {
     const float *at[3], *change[3];
 } spsi_tap_weights;
 
-/* The sum of a place's taps, 4^3 or 6^3, still to be added up: of every fourth column along x. `taps` is a constant
-   in each call, so that compilers can unroll. */
+/* Sum of 4^3 or 6^3 taps as four partial sums, one per fourth column. Calls pass a constant `taps`, so that compilers
+   unroll. */
 static inline spsi_four spsi_taps_sum(int taps, const float *from, const spsi_tap_weights *w) {
     const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), halves = taps > 4 ? 2 : 1;
     const float *x = w->at[0], *y = w->at[1], *z = w->at[2];
@@ -11476,7 +11468,7 @@ static inline spsi_four spsi_taps_sum(int taps, const float *from, const spsi_ta
     return taps == 4 ? sum[0] : spsi_four_add(1, spsi_four_mul(spsi_four_load(x + 4), sum[1]), sum[0]);
 }
 
-/* The field's change per voxel along each axis at a place, still to be added up, as for spsi_taps_sum. */
+/* Derivatives per voxel along each axis, as partial sums like spsi_taps_sum. */
 static inline void spsi_taps_changes(int taps, const float *from, const spsi_tap_weights *w, spsi_four changes[3]) {
     const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), halves = taps > 4 ? 2 : 1;
     const float *y = w->at[1], *z = w->at[2], *dy = w->change[1], *dz = w->change[2];
@@ -11502,15 +11494,15 @@ static inline void spsi_taps_changes(int taps, const float *from, const spsi_tap
     }
 }
 
-/* Where a vector of places finds its taps. */
+/* Locations of the taps for a vector of points. */
 typedef struct spsi_sampler_places {
-    spsi_v bricks, cells;  /* of the field's grid; of bricks */
-    int brick[SPSI_LANES]; /* the same as `bricks` */
-    int first[SPSI_LANES]; /* float of it */
+    spsi_v bricks, cells;  /* brick in the grid; cell in the brick */
+    int brick[SPSI_LANES]; /* `bricks` as integers */
+    int first[SPSI_LANES]; /* float of the brick that holds the first tap */
     int weights[3][SPSI_LANES];
 } spsi_sampler_places;
 
-/* Finds the taps of places, and the bricks and the cells of these that they are in. */
+/* Finds the bricks, cells and taps of points. */
 static inline void spsi_sampler_find(const spsi_sampler *t, const spsi_v place[3], spsi_sampler_places *at) {
     const spsi_pyramid_level *field = t->field;
     const int taps = t->fields->taps;
@@ -11534,8 +11526,8 @@ static inline void spsi_sampler_find(const spsi_sampler *t, const spsi_v place[3
     at->cells = cell;
 }
 
-/* The field at a vector of places, in those of `lanes`, bits, in which samples are taken, and 0 in others. Places of
-   `lanes` lie inside the field's bricks. Counts samples in *count. */
+/* Values at points in `lanes` where cells are sampled, 0 elsewhere. Points in `lanes` must lie inside the bricks. Adds
+   the samples taken to *count. */
 static inline spsi_v spsi_sampler_values(const spsi_sampler *t, const spsi_v place[3], int lanes, uint64_t *count) {
     const spsi_pyramid *fields = t->fields;
     const spsi_pyramid_level *field = t->field;
@@ -11558,8 +11550,7 @@ static inline spsi_v spsi_sampler_values(const spsi_sampler *t, const spsi_v pla
     return spsi_sum_fours(fours);
 }
 
-/* The field's gradient in the world, per cube root of a voxel's volume, at a vector of places, in those of `lanes`
-   that have voxels within reach, and 0 in others. */
+/* World gradient times the cube root of a voxel's volume, at points in `lanes`; 0 where no voxel is within reach. */
 static void spsi_sampler_gradient(const spsi_sampler *t, const spsi_v place[3], int lanes, spsi_v gradient[3]) {
     const spsi_pyramid *fields = t->fields;
     const size_t floats = spsi_pyramid_floats(fields->taps);
@@ -11592,28 +11583,28 @@ static void spsi_sampler_gradient(const spsi_sampler *t, const spsi_v place[3], 
 
 /* Equally spaced samples on the rays of a vector of pixels. */
 typedef struct spsi_sampler_line {
-    spsi_v start[3], step[3]; /* place of sample 0, half a step behind the first slab's beginning, and to the next */
-    spsi_v first, end;        /* samples of which rays have any */
+    spsi_v start[3], step[3]; /* coordinates of sample 0, half a step into the first slab; step */
+    spsi_v first, end;        /* range of sample numbers per ray */
 } spsi_sampler_line;
 
-/* The rays of a vector of pixels through the slabs of a tile: slab s begins at depth (s - base) * per_slab. */
+/* Rays of a vector of pixels. Slab s begins at depth (s - base) * per_slab. */
 typedef struct spsi_sampler_rays {
     spsi_v base, per_slab;
-    spsi_v at[3], change[3]; /* place in the field at depth 0, and its change with depth */
-    spsi_v nearest, limit;   /* depths at which rays begin, and end at polygons */
-    spsi_sampler_line lines[2]; /* where even and odd samples lie */
-    int swings;              /* 1: these differ, else all lie on the first */
-    int steps;               /* samples in a slab */
-    int lanes;               /* the pixels whose rays are followed, as bits */
-    const int *by_slab;      /* those of them that are in need of a slab, from the one before the tile's first on */
+    spsi_v at[3], change[3]; /* coordinates at depth 0; change with depth */
+    spsi_v nearest, limit;   /* depths where rays begin, and where polygons end them */
+    spsi_sampler_line lines[2]; /* even and odd samples */
+    int swings;              /* 1: the lines differ; 0: all samples are on the first */
+    int steps;               /* samples per slab */
+    int lanes;               /* mask of active rays */
+    const int *by_slab;      /* mask of rays that need a slab, beginning one slab before the tile */
 } spsi_sampler_rays;
 
-/* Narrows the range of samples to those inside the field's bricks. */
+/* Clips the range of samples to the bricks. */
 static inline void spsi_sampler_line_clip(const spsi_pyramid_level *field, spsi_sampler_line *line) {
     const spsi_v zero = spsi_set(0);
     for (int k = 0; k < 3; ++k) {
         const spsi_v edge = spsi_set((float)(field->size[k] * SPSI_BRICK)), at = line->start[k], step = line->step[k];
-        const spsi_m level = spsi_less(spsi_abs(step), spsi_set(1e-9f)); /* along the bricks' sides */
+        const spsi_m level = spsi_less(spsi_abs(step), spsi_set(1e-9f)); /* parallel to the bricks' faces */
         const spsi_v over = spsi_div(spsi_set(1), spsi_select(level, spsi_set(1e-9f), step));
         const spsi_v a = spsi_mul(spsi_sub(zero, at), over), b = spsi_mul(spsi_sub(edge, at), over);
         const spsi_v low = spsi_min(a, b), high = spsi_max(a, b);
@@ -11622,7 +11613,7 @@ static inline void spsi_sampler_line_clip(const spsi_pyramid_level *field, spsi_
     }
 }
 
-/* Samples through pixels or places between them. */
+/* Builds the samples of rays through any x, y of the image. */
 static inline void spsi_sampler_line_build(const spsi_sampler *t, const spsi_tile *tile, spsi_v x, spsi_v y, int steps,
                                            spsi_sampler_line *line) {
     const spsi_v base = spsi_linear_base_at(&t->slab, x, y), per_step = spsi_set(1 / (float)steps);
@@ -11638,7 +11629,7 @@ static inline void spsi_sampler_line_build(const spsi_sampler *t, const spsi_til
     spsi_sampler_line_clip(t->field, line);
 }
 
-/* Ray number `part` of each pixel at x, y, all of which are followed. */
+/* Builds ray number `part` of each pixel, with all lanes active. */
 static inline void spsi_sampler_rays_build(const spsi_sampler *t, const spsi_tile *tile, spsi_v x, spsi_v y, int part,
                                            int steps, spsi_sampler_rays *rays) {
     const int row = t->rays == 2 ? part : part / t->side;
@@ -11661,12 +11652,12 @@ static inline void spsi_sampler_rays_build(const spsi_sampler *t, const spsi_til
     rays->limit = spsi_set(SPSI_INFINITY);
 }
 
-/* Begins rays through a row of pixels at the near plane, and ends them at polygons. */
+/* Begins a row's rays at the near plane, and ends them at polygons. */
 static inline void spsi_sampler_rays_limit(const spsi_sampler *t, const spsi_tile *tile, int x, int y,
                                            spsi_sampler_rays *rays) {
     const spsi_v steps = spsi_set((float)rays->steps), last = spsi_set((float)tile->slab_count);
     const spsi_v slope = spsi_div(spsi_set(1), rays->per_slab);
-    spsi_v begin, end, low, high; /* slab coordinates, samples */
+    spsi_v begin, end, low, high; /* slab coordinates; sample numbers */
     rays->nearest = spsi_set(t->near_d);
     rays->limit = spsi_hit_depths(tile->limits, tile->limit_width, tile->limit_height, x, y);
     begin = spsi_fma(slope, rays->nearest, rays->base);
@@ -11680,7 +11671,6 @@ static inline void spsi_sampler_rays_limit(const spsi_sampler *t, const spsi_til
     }
 }
 
-/* Sample number `n` of those rays that are in `lanes`. */
 static inline spsi_v spsi_sampler_sample(const spsi_sampler *t, const spsi_sampler_rays *rays, int n, int lanes,
                                          uint64_t *count) {
     const spsi_sampler_line *line = &rays->lines[n & rays->swings];
@@ -11692,7 +11682,7 @@ static inline spsi_v spsi_sampler_sample(const spsi_sampler *t, const spsi_sampl
     return spsi_sampler_values(t, place, lanes, count);
 }
 
-/* Whether places lie inside a field's bricks, as bits. */
+/* Mask of points inside the bricks. */
 static inline int spsi_sampler_inside(const spsi_pyramid_level *field, const spsi_v place[3]) {
     int lanes = SPSI_ALL_LANES;
     for (int k = 0; k < 3; ++k) {
@@ -11702,7 +11692,7 @@ static inline int spsi_sampler_inside(const spsi_pyramid_level *field, const sps
     return lanes;
 }
 
-/* The integral over a part of a slab on one of the rays, from samples of its own. */
+/* Integral over part of a slab on one ray, from separate samples. */
 static float spsi_sampler_part(const spsi_sampler *t, const spsi_sampler_rays *rays, int lane, float from, float to,
                                uint64_t *samples) {
     const float share = (to - from) / fabsf(spsi_lane(rays->per_slab, lane)) * (float)rays->steps;
@@ -11726,8 +11716,7 @@ static float spsi_sampler_part(const spsi_sampler *t, const spsi_sampler_rays *r
     return sum * step;
 }
 
-/* Integrals over a slab that rays of `lanes` enter and leave at the given depths: `whole`, or the part between where a
-   ray begins and where it ends. */
+/* Slab integrals of rays in `lanes`: `whole`, unless the ray begins or ends between `enter` and `leave`. */
 static spsi_v spsi_sampler_cut(const spsi_sampler *t, const spsi_sampler_rays *rays, int lanes, spsi_v enter,
                                spsi_v leave, spsi_v whole, uint64_t *samples) {
     const spsi_v from = spsi_max(enter, rays->nearest), to = spsi_min(leave, rays->limit);
@@ -11744,8 +11733,7 @@ static spsi_v spsi_sampler_cut(const spsi_sampler *t, const spsi_sampler_rays *r
     return spsi_load(sums);
 }
 
-/* The slabs, of `count`, that need samples and in which a vector's rays, or those of their neighbours, have any: the
-   first, and the one behind the last. */
+/* Range of needed slabs, within one slab of the rays' samples. */
 static inline void spsi_sampler_slabs(const spsi_sampler_rays *rays, int count, int slabs[2]) {
     float low = SPSI_INFINITY, high = -SPSI_INFINITY;
     for (int n = 0; n <= rays->swings; ++n) {
@@ -11765,7 +11753,6 @@ static inline void spsi_sampler_slabs(const spsi_sampler_rays *rays, int count, 
     while (slabs[0] < slabs[1] && !rays->by_slab[slabs[1]]) --slabs[1];
 }
 
-/* `a` in `lanes`, and 0 in others. */
 static spsi_v spsi_only(spsi_v a, int lanes) {
     float values[SPSI_LANES];
     spsi_store(values, a);
@@ -11773,8 +11760,8 @@ static spsi_v spsi_only(spsi_v a, int lanes) {
     return spsi_load(values);
 }
 
-/* Adds to sheets of `size` floats, from the one that `at` counts from, what a vector of rays finds in each slab. One
-   more sample on either side of a slab tells the slopes at its ends. */
+/* Adds slab integrals to sheets of `size` floats, at `at` in each. A sample before and one behind each slab yield its
+   end slopes. */
 static void spsi_sampler_add(const spsi_sampler *t, spsi_tile *tile, const spsi_sampler_rays *rays, float *sheets,
                              size_t at, size_t size) {
     const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale / (float)rays->steps));
@@ -11784,7 +11771,7 @@ static void spsi_sampler_add(const spsi_sampler *t, spsi_tile *tile, const spsi_
     int slabs[2];
     spsi_sampler_slabs(rays, tile->slab_count, slabs);
     if (slabs[0] >= slabs[1]) return;
-    const int *need = rays->by_slab + 1 + slabs[0]; /* lanes that need a slab; its neighbours' lie beside */
+    const int *need = rays->by_slab + 1 + slabs[0]; /* lanes that need each slab */
     if (!t->lone) before = spsi_sampler_sample(t, rays, slabs[0] * steps - 1, need[0], &tile->samples);
     first = spsi_sampler_sample(t, rays, slabs[0] * steps, need[0] | (steps == 1 ? need[1] : 0), &tile->samples);
     at += (size_t)slabs[0] * size;
@@ -11812,7 +11799,7 @@ static void spsi_sampler_add(const spsi_sampler *t, spsi_tile *tile, const spsi_
     }
 }
 
-/* Adds to the sheets of a vector of pixels, in those of `lanes`, what their rays find in the slabs that need them. */
+/* Adds integrals of pixels in `lanes` to their sheets, in the slabs that need them. */
 static void spsi_sampler_row(const spsi_sampler *t, spsi_tile *tile, int x, int y, int lanes, const int *by_slab,
                              int steps, float *sheets) {
     const size_t at = (size_t)((y - tile->y0) * tile->pitch + x - tile->x0);
@@ -11829,38 +11816,37 @@ static void spsi_sampler_row(const spsi_sampler *t, spsi_tile *tile, int x, int 
 
 /* ---- patches of sixteen rays ---- */
 
-/* Pixels for which sixteen rays stand, 4 x 4 from the first to the last of its columns and rows. What is between them
-   follows the cubics through them, which are exact at the patch's edges. */
+/* Pixels represented by 4 x 4 rays, from the first to the last of its columns and rows. Cubics interpolate between
+   these. */
 typedef struct spsi_sampler_patch {
     int x0, y0, x1, y1;
-    float x[16], y[16]; /* of the rays, row by row */
+    float x[16], y[16]; /* rays, row by row */
 } spsi_sampler_patch;
 
-/* The ray through a patch's first corner (0), that beside it (1), or those below them (2, 3). */
+/* Ray at a corner: bit 0 selects the right column, bit 1 the lower row. */
 static inline int spsi_sampler_corner(int corner) { return 3 * (corner & 1) + 12 * (corner >> 1); }
 
-/* Slabs per depth on a ray. */
 static float spsi_sampler_slabs_per_depth(const spsi_sampler *t, float x, float y) {
     return t->slab.slope[0] + x * t->slab.slope[1] + y * t->slab.slope[2];
 }
 
-/* Bound of what a slab's mean is off by if its rays cross `way` voxels in that number of steps, where a field bends by
-   `bend`. With steps of h, it is h^3 / 192 of the third derivative for the corrected midpoint rule (Peano's kernel,
-   integrated), and h^3 / 288 per step for its correction by differences of samples. */
+/* Error bound of a slab's mean. Rays cross `way` voxels in steps of h; `bend` bounds the third derivative. The
+   corrected midpoint rule contributes h^3 / 192 (integrated Peano kernel), differences in its correction h^3 / (288
+   steps). */
 static float spsi_sampler_steps_bound(float bend, float way, int steps) {
     const float h = way / (float)steps;
     return bend * h * h * h * (1 / 192.0f + 1 / (288.0f * (float)steps));
 }
 
-/* The depth at which the ray through a corner of a patch crosses a slab plane of the tile. */
+/* Depth where a corner's ray crosses a slab plane of the tile. */
 static float spsi_sampler_patch_depth(const spsi_sampler *t, const spsi_sampler_patch *patch, int corner, int plane) {
     const float x = patch->x[spsi_sampler_corner(corner)], y = patch->y[spsi_sampler_corner(corner)];
     const float base = t->slab.base[0] + x * t->slab.base[1] + y * t->slab.base[2];
     return ((float)plane - base) / spsi_sampler_slabs_per_depth(t, x, y);
 }
 
-/* How far apart, in voxels, the first two corners of a patch (axis 0), or those of its first column (1), are on slab
-   planes of the tile, at most. */
+/* Greatest distance in voxels between the first two corners of a row (axis 0) or column (1), on the tile's end
+   planes. */
 static float spsi_sampler_patch_extent(const spsi_sampler *t, const spsi_tile *tile, const spsi_sampler_patch *patch,
                                        int axis) {
     float most = 0;
@@ -11883,19 +11869,19 @@ static float spsi_sampler_patch_extent(const spsi_sampler *t, const spsi_tile *t
     return sqrtf(most);
 }
 
-/* A cubic with nodes at 0, w / 3, 2 w / 3 and w is off by w^3 / 378.8 of the third derivative (Peano's kernel,
-   integrated). Its weights add up to 1.631 in magnitude at most. */
+/* Error of a cubic with nodes at 0, w / 3, 2 w / 3 and w: w^3 / 378.8 times the third derivative (integrated Peano
+   kernel). Its weights add up to 1.631 in magnitude at most. */
 #define SPSI_CUBIC_BOUND   (1 / 378.8f)
 #define SPSI_CUBIC_WEIGHTS 1.631f
 
-/* Bound of the difference between a field that bends by 1 and its cubics across a patch: the error of one axis
-   counts along the other by the weights there. */
+/* Error bound of a patch's cubics for a third derivative of 1. The weights along one axis amplify the error of the
+   other. */
 static float spsi_sampler_patch_bound(const spsi_sampler *t, const spsi_tile *tile, const spsi_sampler_patch *patch) {
     const float x = spsi_sampler_patch_extent(t, tile, patch, 0), y = spsi_sampler_patch_extent(t, tile, patch, 1);
     return SPSI_CUBIC_BOUND * (spsi_fmin(x * x * x, y * y * y) * SPSI_CUBIC_WEIGHTS + spsi_fmax(x * x * x, y * y * y));
 }
 
-/* Depths between which all rays of a patch run: none begins there, or ends at a polygon. */
+/* Depth range without begins of rays and polygons. */
 static void spsi_sampler_patch_range(const spsi_sampler *t, const spsi_tile *tile, const spsi_sampler_patch *patch,
                                      float range[2]) {
     float deepest = -SPSI_INFINITY;
@@ -11910,13 +11896,13 @@ static void spsi_sampler_patch_range(const spsi_sampler *t, const spsi_tile *til
             range[1] = spsi_fmin(range[1], spsi_hit_depth(tile->limits, tile->limit_width, tile->limit_height, x, y));
 }
 
-/* Boxes of places, of slabs on the rays of a patch. */
+/* Bounding boxes of slabs on a patch's rays, in sample coordinates. */
 typedef struct spsi_sampler_boxes {
     spsi_v low[3], high[3];
     spsi_v begin, end; /* depths */
 } spsi_sampler_boxes;
 
-/* Extends boxes to what a corner's ray has of slabs, and of `beyond` slabs to either side. */
+/* Extends boxes to a corner's ray within slabs, and `beyond` slabs to either side. */
 static inline void spsi_sampler_boxes_extend(const spsi_sampler *t, const spsi_sampler_patch *patch, int corner,
                                              spsi_v slab, float beyond, spsi_sampler_boxes *boxes) {
     const float x = patch->x[spsi_sampler_corner(corner)] + (corner & 1 ? t->aside : -t->aside);
@@ -11937,10 +11923,10 @@ static inline void spsi_sampler_boxes_extend(const spsi_sampler *t, const spsi_s
     }
 }
 
-/* The eighths of bricks that matter to boxes, along an axis: the first ones, and the last of those that stand for
-   themselves and the next one. Returns how many of these there are, at most. A sample is a sum over rows of voxels, and
-   so of rows of differences, that begin up to taps / 2 - 1 before it and up to taps / 2 behind it. A coarser level's
-   differences are sums of finer ones up to 2.5 voxels away. */
+/* Octants that boxes meet along an axis. An octant's bound covers the next one too, so octants are visited in pairs.
+   Finds the first octant and the beginning of the last pair; returns the greatest number of pairs. A sample's
+   differences begin up to taps / 2 - 1 before it and taps / 2 behind it. A coarser level's differences are sums of
+   finer ones up to 2.5 voxels away. */
 static int spsi_sampler_boxes_eighths(const spsi_sampler *t, const spsi_sampler_boxes *boxes, int axis, spsi_v *first,
                                       spsi_v *last) {
     const float size = (float)(1 << t->level), edge = SPSI_BRICK / 2, apart = t->level ? 2.5f : 0;
@@ -11960,7 +11946,7 @@ static int spsi_sampler_boxes_eighths(const spsi_sampler *t, const spsi_sampler_
     return (int)most / 2 + 1;
 }
 
-/* How much a field bends in boxes, at most. */
+/* Bound of the third derivative in boxes. */
 static spsi_v spsi_sampler_boxes_thirds(const spsi_sampler *t, const spsi_sampler_boxes *boxes) {
     const int width = 2 * t->finest->size[0], height = 2 * t->finest->size[1];
     spsi_v first[3], last[3], most = spsi_set(0);
@@ -11977,14 +11963,14 @@ static spsi_v spsi_sampler_boxes_thirds(const spsi_sampler *t, const spsi_sample
             }
         }
     }
-    return spsi_mul(most, spsi_set((float)(1 << 3 * t->level))); /* third differences of larger steps */
+    return spsi_mul(most, spsi_set((float)(1 << 3 * t->level))); /* cubes of longer steps */
 }
 
-/* How much a field bends about each slab of a tile on a patch's rays, at most, as far as `steps` samples in a slab
-   reach. Returns, a bit each, whether all of these rays run through a slab from one side to the other. */
+/* Bounds the third derivative around each slab, as far as `steps` samples per slab reach. Returns a mask of slabs that
+   all rays of the patch cross from side to side. */
 static uint32_t spsi_sampler_patch_thirds(const spsi_sampler *t, const spsi_tile *tile, const spsi_sampler_patch *patch,
                                           int steps, float bends[SPSI_SAMPLER_SLABS + SPSI_LANES]) {
-    const float beyond = 0.5f / (float)steps; /* the middle of the next step */
+    const float beyond = 0.5f / (float)steps; /* middle of the next step */
     float range[2];
     uint32_t whole = 0;
     spsi_sampler_patch_range(t, tile, patch, range);
@@ -12000,7 +11986,7 @@ static uint32_t spsi_sampler_patch_thirds(const spsi_sampler *t, const spsi_tile
     return whole;
 }
 
-/* The weights of a cubic's four nodes, from 0 to 3, at a place between them. */
+/* Lagrange weights at u for nodes at 0 to 3. */
 static void spsi_sampler_cubic(float u, float weights[4]) {
     weights[0] = (u - 1) * (u - 2) * (u - 3) / -6;
     weights[1] = u * (u - 2) * (u - 3) / 2;
@@ -12008,10 +11994,10 @@ static void spsi_sampler_cubic(float u, float weights[4]) {
     weights[3] = u * (u - 1) * (u - 2) / 6;
 }
 
-/* The place of pixel number `i` of `count` between them. */
+/* Position of pixel number `i` of `count` between these nodes. */
 static float spsi_sampler_ray_position(int i, int count) { return count > 1 ? 3 * (float)i / (float)(count - 1) : 0; }
 
-/* The weights of the cubics' four columns in a vector of pixels of a patch, from column `x` on. */
+/* Weights of the four columns for a vector of pixels of a patch, from column `x` on. */
 static inline void spsi_sampler_across(int x, int width, spsi_v across[4]) {
     float lanes[4][SPSI_LANES];
     memset(lanes, 0, sizeof lanes);
@@ -12023,7 +12009,7 @@ static inline void spsi_sampler_across(int x, int width, spsi_v across[4]) {
     for (int k = 0; k < 4; ++k) across[k] = spsi_load(lanes[k]);
 }
 
-/* Adds a patch's sheet, interpolated between the sums of its rays, to a vector's columns. */
+/* Adds an interpolated sheet of a patch to a vector of columns. */
 static inline void spsi_sampler_spread(const float *sums, const float down[][4], int height, const spsi_v across[4],
                                        float *sheet, size_t pitch) {
     for (int y = 0; y < height; ++y, sheet += pitch) {
@@ -12037,7 +12023,7 @@ static inline void spsi_sampler_spread(const float *sums, const float down[][4],
     }
 }
 
-/* Adds a patch's sheets of some slabs, interpolated between the sums of its rays, 16 a slab. */
+/* Adds the interpolated sheets of a patch, from 16 sums per slab. */
 static void spsi_sampler_patch_spread(const spsi_tile *tile, const spsi_sampler_patch *patch, const int slabs[2],
                                       const float *sums, float *sheets) {
     const int width = patch->x1 - patch->x0 + 1, height = patch->y1 - patch->y0 + 1;
@@ -12059,8 +12045,7 @@ static void spsi_sampler_patch_spread(const spsi_tile *tile, const spsi_sampler_
     }
 }
 
-/* Adds to a patch's sheets of slabs, from one to that before another, what its sixteen pixels find, on one ray each or
-   on several. */
+/* Traces a patch's sixteen pixels, one or several rays each, through slabs[0] to slabs[1] - 1. */
 static void spsi_sampler_patch_add(const spsi_sampler *t, spsi_tile *tile, const spsi_sampler_patch *patch,
                                    const int slabs[2], int steps, float *sheets) {
     float sums[SPSI_SAMPLER_SLABS * 16];
@@ -12079,7 +12064,7 @@ static void spsi_sampler_patch_add(const spsi_sampler *t, spsi_tile *tile, const
     spsi_sampler_patch_spread(tile, patch, slabs, sums, sheets);
 }
 
-/* Voxels that rays of a tile cross in a slab, at most, by those through its corners. */
+/* Most voxels that rays cross in a slab, at the tile's corners. */
 static float spsi_sampler_crossed(const spsi_sampler *t, const spsi_tile *tile) {
     float most = 0;
     for (int corner = 0; corner < 4; ++corner) {
@@ -12094,7 +12079,7 @@ static float spsi_sampler_crossed(const spsi_sampler *t, const spsi_tile *tile) 
     return most;
 }
 
-/* Number of samples in a slab in which rays cross `way` voxels. */
+/* Samples per slab where rays cross `way` voxels. */
 static int spsi_sampler_steps(const spsi_sampler *t, float way) {
     const float steps = ceilf(spsi_fmin(way / (float)spsi_sampler_step(t->fields), SPSI_SAMPLER_MOST));
     return t->lone ? 1 : spsi_imax(1, (int)steps);
@@ -12125,15 +12110,15 @@ SPSI_COLD void spsi_sampler_build(const spsi_pyramid *fields, const spsi_lattice
     sampler->near_d = spsi_rays_begin(rays);
 }
 
-/* How far voxels reach, in those that were read: a level's weights are for up to 1.5 finer voxels more. */
+/* Kernel reach in voxels as read. Downsampling adds up to 1.5 voxels of the level. */
 static double spsi_sampler_reach(const spsi_sampler *sampler) {
     const double reach = sampler->fields->taps / 2.0;
     const int level = sampler->level + (sampler->mix > 0);
     return level ? (reach + 1.5) * (1 << level) : reach;
 }
 
-/* Finds the least variance of a footprint in any direction, without the pixel filter, at ray coordinates (x t, y t, t),
-   and the product of its standard deviations: the variance of a round one of the same area. */
+/* Footprint variances at ray coordinates (x t, y t, t), without the pixel filter: the least of any direction, and a
+   circle's of the same area. */
 static void spsi_footprint_variances(const spsi_splatter *s, const double q[3], double *least, double *area) {
     const double t = s->perspective ? q[2] : 1, x = s->perspective ? q[0] / t : 0, y = s->perspective ? q[1] / t : 0;
     double c[6], xx, yy, xy;
@@ -12145,24 +12130,24 @@ static void spsi_footprint_variances(const spsi_splatter *s, const double q[3], 
     *area = sqrt(spsi_dmax(xx * yy - xy * xy, 0));
 }
 
-/* Why a volume is splatted, or gathered, in a target. */
+/* Reason to splat or gather a volume in a target. */
 typedef enum spsi_verdict {
     SPSI_SPLAT_ASKED = 0,
     SPSI_SPLAT_SMALL, /* voxels are smaller than the pixel filter */
     SPSI_SPLAT_NEAR,
     SPSI_SPLAT_THICK,
-    SPSI_SPLAT_SPREAD, /* there is no field */
-    SPSI_SPLAT_OPAQUE, /* taps' ends would shade the skin of matter that is opaque within them */
+    SPSI_SPLAT_SPREAD, /* no pyramid */
+    SPSI_SPLAT_OPAQUE, /* opaque matter, whose skin a truncated kernel would shade */
     SPSI_SPLAT_CHEAPER,
-    SPSI_SPLAT_MASS, /* into cells: gas, of which samples would not keep all */
-    SPSI_DEPOSITED,  /* the same, in voxels that are small against samples */
+    SPSI_SPLAT_MASS, /* gas into cells, where samples would lose mass */
+    SPSI_DEPOSITED,  /* likewise, with voxels smaller than samples */
     SPSI_GATHER_ASKED,
     SPSI_GATHER_CHEAPER
 } spsi_verdict;
 
 static inline int spsi_gathers(spsi_verdict verdict) { return verdict >= SPSI_GATHER_ASKED; }
 
-/* The way through a slab, in voxels of the field along each axis, of the ray through a point in ray coordinates. */
+/* A ray's path through a slab, in voxels along each axis; `q` lies on the ray. */
 SPSI_COLD void spsi_sampler_longest(const spsi_sampler *sampler, const spsi_rays *rays, const double q[3],
                                     double way[3]) {
     const double x = rays->perspective ? q[0] / q[2] : q[0], y = rays->perspective ? q[1] / q[2] : q[1];
@@ -12174,8 +12159,8 @@ SPSI_COLD void spsi_sampler_longest(const spsi_sampler *sampler, const spsi_rays
     }
 }
 
-/* Samples per voxel's volume at a point in ray coordinates: rays to its cross-section times steps to its length. More
-   than four rays count as four: otherwise gas in perspective would be splatted instead, and look wider. */
+/* Samples per voxel volume at ray coordinates `q`: rays per cross-section times steps per length. More than four rays
+   count as four; otherwise gas in perspective would be splatted and appear wider. */
 SPSI_COLD double spsi_sampler_density(const spsi_sampler *sampler, const spsi_rays *rays, const double q[3]) {
     const double depth = q[2] - rays->depth_reference;
     double across[2][3], way[3], steps;
@@ -12187,12 +12172,13 @@ SPSI_COLD double spsi_sampler_density(const spsi_sampler *sampler, const spsi_ra
     return steps * spsi_imin(sampler->rays, 4) / fabs(spsi_determinant(across[0], across[1], way));
 }
 
-/* Whether a field serves the rays at a point in ray coordinates. */
+/* Tests a level for rays at ray coordinates `q`. */
 SPSI_COLD spsi_verdict spsi_sampler_serves_at(spsi_sampler *sampler, const spsi_rays *rays,
                                               const spsi_splatter *splatter, const double q[3]) {
     const double pitch = spsi_dmin(spsi_length(rays->a), spsi_length(rays->b));
     const double finer = (double)(sampler->side << sampler->level);
-    const int many = sampler->level > 0 && sampler->side > 2; /* a lone voxel's mass depends less on its place */
+    const int many = sampler->level > 0 && sampler->side > 2; /* more rays: an isolated voxel's mass depends less on its
+                                                                 position */
     const double least = sampler->rays == 2 ? SPSI_SAMPLER_TWO : many ? SPSI_SAMPLER_LONE : SPSI_SAMPLER_VARIANCE;
     double way[3], widest, variance, area;
     if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return SPSI_SPLAT_NEAR;
@@ -12209,7 +12195,7 @@ SPSI_COLD spsi_verdict spsi_sampler_serves_at(spsi_sampler *sampler, const spsi_
     return SPSI_GATHER_ASKED;
 }
 
-/* The ray coordinates of a corner of the box of the bricks that were read, or, of number 8, of its middle. */
+/* Ray coordinates of a corner of the box of bricks, or of its middle (corner 8). */
 SPSI_COLD void spsi_sampler_point(const spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays,
                                   int corner, double q[3]) {
     const spsi_pyramid_level *field = &sampler->fields->list[lattice->medium];
@@ -12222,8 +12208,7 @@ SPSI_COLD void spsi_sampler_point(const spsi_sampler *sampler, const spsi_lattic
     spsi_point_to_rays(rays, point, q);
 }
 
-/* Whether a field serves these rays: voxels are no smaller than texels may be and not near the origin of rays, and
-   slabs are not too thick. */
+/* Tests a level for these rays: voxel size against texels, distance from the rays' origin, thickness of slabs. */
 SPSI_COLD spsi_verdict spsi_sampler_serves(spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays,
                                            const spsi_splatter *splatter) {
     for (int corner = 0; corner < 8; ++corner) {
@@ -12235,8 +12220,7 @@ SPSI_COLD spsi_verdict spsi_sampler_serves(spsi_sampler *sampler, const spsi_lat
     return SPSI_GATHER_ASKED;
 }
 
-/* Whether samples of a field that serves cost less than footprints of its voxels, from their numbers and sizes in its
-   middle. */
+/* True if gathering costs less than splatting, estimated in the volume's middle. */
 SPSI_COLD int spsi_sampler_pays(const spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays,
                                 const spsi_splatter *splatter) {
     const spsi_pyramid_level *field = &sampler->fields->list[lattice->medium];
@@ -12245,15 +12229,15 @@ SPSI_COLD int spsi_sampler_pays(const spsi_sampler *sampler, const spsi_lattice 
     spsi_sampler_point(sampler, lattice, rays, 8, q);
     spsi_footprint_variances(splatter, q, &least, &area);
     area *= SPSI_PI * cut * cut;
-    fragments = area * (1 + 4.0 / 3 * (double)splatter->reach_slabs); /* mean chord of a ball of that radius */
+    fragments = area * (1 + 4.0 / 3 * (double)splatter->reach_slabs); /* mean chord of a sphere is 4 / 3 radii */
     samples = field->volume / (size * size * size) * spsi_sampler_density(sampler, rays, q);
     return samples * (sampler->fields->taps == 4 ? SPSI_COST_SAMPLE : SPSI_COST_SAMPLE_WIDE) <
            field->voxels * (SPSI_COST_FOOTPRINT + SPSI_COST_FRAGMENT * fragments);
 }
 
-/* Number of coarser levels that a volume has: none if it is classified, since what a mean looks like is not the mean of
-   looks; at high quality and beyond, none if its voxels are more than twice as long as wide, since a level is wider
-   along all of their edges. */
+/* Number of coarser levels. A classified volume has none, because a transfer function of a mean is not the mean of the
+   transfer function. At high quality and beyond, the same holds for voxels more than twice as long as wide: a level is
+   wider along all edges. */
 SPSI_COLD int spsi_levels_wanted(const spsi_frame *frame, int medium) {
     const spsi_lattice *lattice = &frame->lattices[medium];
     double shortest = HUGE_VAL, longest = 0;
@@ -12265,21 +12249,20 @@ SPSI_COLD int spsi_levels_wanted(const spsi_frame *frame, int medium) {
     return frame->view.quality > SPS_QUALITY_MEDIUM && longest > 2 * shortest ? 0 : SPSI_LEVELS;
 }
 
-/* Optical depth of a gas's densest voxel; 0 if it is classified, or not read. */
+/* Optical depth of a gas's densest voxel; 0 if classified or not read. */
 SPSI_COLD double spsi_medium_depth(const spsi_frame *frame, const spsi_lattice *lattice) {
     const spsi_material *material = &frame->matter.materials[frame->media[lattice->medium].channel];
     const double extinction = (double)material->extinction * (double)frame->content->fields->list[lattice->medium].most;
     return material->table ? 0 : extinction * cbrt(lattice->voxel_volume);
 }
 
-/* What a pixel's or a texel's rays are for. */
+/* Sampling pattern of a pixel or texel. */
 typedef enum spsi_sample_pattern {
     SPSI_SAMPLER_PIXELS, /* one ray, or several where voxels are smaller */
-    SPSI_SAMPLER_SHEETS  /* of a light: one on any level, if there is one that serves all of the volume, before several
-                          */
+    SPSI_SAMPLER_SHEETS  /* a light's texels: one ray first, at any level */
 } spsi_sample_pattern;
 
-/* Whether rays cross no more of a volume in any slab than may lie between two samples. */
+/* True if one sample per slab is enough. */
 SPSI_COLD int spsi_sampler_is_fine(const spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays) {
     for (int corner = 0; corner < 8; ++corner) {
         double q[3], way[3];
@@ -12290,7 +12273,7 @@ SPSI_COLD int spsi_sampler_is_fine(const spsi_sampler *sampler, const spsi_latti
     return 1;
 }
 
-/* Whether a volume ends before rays begin. Its coarser levels may reach beyond, by pixels. */
+/* True if a volume ends before rays begin. Its coarser levels may reach pixels farther. */
 static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *rays) {
     spsi_bounds bounds = spsi_nowhere;
     spsi_medium_bounds(medium, SPSI_REACH, &bounds);
@@ -12303,10 +12286,10 @@ static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *ray
     return 1;
 }
 
-/* Builds the tapper of a level. A classified volume has one sample in a slab that needs no more: a parabola through
-   samples is as exact as one through means, and needs none beyond the slabs beside. Where slabs are as thick as pixels
-   call for, it also has one: the mean of several is classified as none of them is. Where four rays serve a level, nine
-   are taken if they are few for a lone voxel's mass, or if 4 taps cut its edge off. */
+/* Builds and tests the sampler of a level. A classified volume takes one sample per slab where that is enough: a
+   parabola through samples is as exact as one through means, and needs only adjacent slabs. Slabs as thick as pixels
+   demand also get one, because a mean of several is classified like none of them. Nine rays replace four that lose an
+   isolated voxel's mass, or whose 4 taps cut its edge off. */
 SPSI_COLD spsi_verdict spsi_sampler_try(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                         const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int count,
                                         spsi_sampler *sampler) {
@@ -12323,9 +12306,9 @@ SPSI_COLD spsi_verdict spsi_sampler_try(const spsi_frame *frame, const spsi_latt
     return verdict;
 }
 
-/* How a volume fills sheets, whose splatter is ready. Builds the tapper of one that is gathered: of the frame's level
-   with the fewest rays that serve, or, where none has been chosen, of the finest level that two or four rays serve, or
-   else of the coarsest with the fewest rays, which costs least. */
+/* Decides how a volume fills sheets, and builds its sampler. Takes the frame's level with the fewest rays that suffice.
+   Before a level is chosen: the finest level that two or four rays suit, else the coarsest with the fewest rays, the
+   cheapest. */
 SPSI_COLD spsi_verdict spsi_sampler_judge(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                           const spsi_slabs *slabs, const spsi_splatter *splatter,
                                           spsi_sample_pattern pattern, spsi_sampler *sampler) {
@@ -12353,9 +12336,9 @@ SPSI_COLD spsi_verdict spsi_sampler_judge(const spsi_frame *frame, const spsi_la
     return chosen > 0 || spsi_sampler_pays(sampler, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
 }
 
-/* Weight of the level behind a tapper's, in 128ths: from 0 to 1 over the last octave of variance before that level
-   replaces its own, so that nothing jumps there. It replaces it where four rays are too few and its voxels are narrow
-   enough. In perspective, the far side of a volume decides the first, the side close to the eye the second. */
+/* Weight of the next coarser level, a multiple of 1 / 128. It grows from 0 to 1 over the last octave of variance before
+   that level takes over, so that nothing jumps. It takes over where four rays are too few and its voxels are narrow
+   enough. In perspective, the volume's far side decides the first, its near side the second. */
 static float spsi_levels_mix(const spsi_frame *frame, const spsi_sampler *sampler) {
     const double wide = 4 * (double)sampler->widest * (double)sampler->widest / SPSI_SAMPLER_WIDEST;
     const double octaves = log(spsi_dmax((double)sampler->least / SPSI_SAMPLER_VARIANCE, wide)) / log(2.0);
@@ -12365,15 +12348,15 @@ static float spsi_levels_mix(const spsi_frame *frame, const spsi_sampler *sample
     return (float)floor(128 * spsi_dmin(1 - octaves, 0.9925)) / 128;
 }
 
-/* Extends the content's bounds by what levels reach beyond voxels' own kernels, as rays gather them that fill these
-   slabs. `chooses`: they become the frame's. */
+/* Extends the content's bounds by the reach of levels beyond the voxels' own kernels. `chooses`: also sets the frame's
+   levels. */
 static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs, int chooses) {
     spsi_bounds *bounds = &frame->content->bounds;
     for (int m = 0; m < frame->medium_count; ++m) {
         const spsi_lattice *lattice = frame->media[m].lattice;
         spsi_splatter splatter;
         spsi_sampler sampler;
-        if (!spsi_splatter_build(lattice, rays, slabs, 1, frame->accuracy.cut, &splatter)) continue; /* it is refused */
+        if (!spsi_splatter_build(lattice, rays, slabs, 1, frame->accuracy.cut, &splatter)) continue; /* refused */
         spsi_verdict verdict =
             spsi_sampler_judge(frame, lattice, rays, slabs, &splatter, SPSI_SAMPLER_PIXELS, &sampler);
         if (verdict == SPSI_SPLAT_CHEAPER && chooses && sampler.level > 0) frame->content->levels[m] = -1;
@@ -12389,8 +12372,8 @@ static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, c
     }
 }
 
-/* Chooses the volumes' levels by the eye's pixels: where light and eye saw different ones, gas would lie before or
-   behind its own shadow. */
+/* Chooses the volumes' levels for the camera's pixels. If a light had another level, gas would lie before or behind its
+   own shadow. */
 static void spsi_levels_choose(const spsi_frame *frame) {
     spsi_content *content = frame->content;
     spsi_slabs slabs;
@@ -12401,40 +12384,38 @@ static void spsi_levels_choose(const spsi_frame *frame) {
     spsi_levels_extend(frame, &content->eye, &slabs, 1);
 }
 
-/* --- making fields --- */
+/* --- building pyramids --- */
 
-/* Number of taps along an axis: what 4 leave of a kernel is below the error of slabs at medium quality. */
+/* Taps along an axis. At medium quality, 4 truncate less than the slabs' error. */
 SPSI_COLD int spsi_taps_wanted(const spsi_frame *frame) { return frame->view.quality > SPS_QUALITY_MEDIUM ? 6 : 4; }
 
-/* Which fields a frame needs, to gather volumes or for the gradients of surfaces; 0: none. */
+/* Key of the pyramids needed to gather volumes or for surface gradients; 0: none. */
 static int spsi_pyramids_wanted(const spsi_frame *frame) {
     if (frame->medium_count == 0 || (frame->view.filling == SPS_FILLING_SPLAT && !frame->has_gradients)) return 0;
     return spsi_taps_wanted(frame) + 8 * frame->has_gradients;
 }
 
-/* Maximum of the bricks in a field's grid: floats cannot count more, or volumes without surfaces are scattered too
-   thinly. */
+/* Maximum number of bricks in a grid: floats cannot count more, and sparser volumes are splatted unless they have
+   surfaces. */
 SPSI_COLD size_t spsi_pyramid_cells_most(const spsi_frame *frame, size_t bricks) {
     const size_t most = frame->has_gradients ? SPSI_PYRAMID_CELLS : 64 * bricks + 65536;
     return bricks < (SPSI_PYRAMID_CELLS - 65536) / 64 ? most : SPSI_PYRAMID_CELLS;
 }
 
-#define SPSI_PYRAMID_GRID_BYTES (3 * sizeof(int) + SPSI_PYRAMID_REACHES * sizeof(uint32_t[2])) /* per brick of a grid  \
-                                                                                                */
+#define SPSI_PYRAMID_GRID_BYTES (3 * sizeof(int) + SPSI_PYRAMID_REACHES * sizeof(uint32_t[2])) /* per brick of a grid */
 
-/* Bytes of a brick that is held. */
+/* Bytes of a stored brick. */
 SPSI_COLD size_t spsi_pyramid_brick_bytes(int taps) {
     return spsi_pyramid_floats(taps) * sizeof(float) + SPSI_BRICK * sizeof(uint64_t);
 }
 
-/* Places the boxes of a volume's coarser levels. */
 SPSI_COLD void spsi_levels_place(spsi_pyramid *fields, int medium) {
     memset(fields->levels[medium], 0, sizeof fields->levels[medium]);
     for (int n = 0; n < SPSI_LEVELS; ++n)
         spsi_level_place(n ? &fields->levels[medium][n - 1] : &fields->list[medium], &fields->levels[medium][n]);
 }
 
-/* A field that has all of a volume within reach. */
+/* A level that covers a whole volume and its reach. */
 SPSI_COLD void spsi_pyramid_whole(const spsi_medium *medium, spsi_pyramid_level *field) {
     for (int k = 0; k < 3; ++k) {
         field->low[k] = -1;
@@ -12442,7 +12423,7 @@ SPSI_COLD void spsi_pyramid_whole(const spsi_medium *medium, spsi_pyramid_level 
     }
 }
 
-/* Whether a volume may use a tolerance: neither what is classified nor what emits does. */
+/* True if a tolerance applies to any volume: not to classified or emissive ones. */
 SPSI_COLD int spsi_may_interpolate(const spsi_frame *frame) {
     for (int m = 0; m < frame->medium_count && frame->view.tolerance > 0; ++m) {
         const spsi_material *material = &frame->matter.materials[frame->media[m].channel];
@@ -12451,9 +12432,9 @@ SPSI_COLD int spsi_may_interpolate(const spsi_frame *frame) {
     return 0;
 }
 
-/* Counts an upper bound of the bytes of all fields and their coarser levels, for numbers of bricks that may be read, by
-   volume. A brick of voxels is within reach of 3^3 bricks on each: those of the finer level and one about them are up
-   to five in a row. A side of less than three bricks may grow to three. */
+/* Counts an upper bound of the bytes of all pyramids; `bricks`: how many may be read per volume. A brick of voxels is
+   within reach of 3^3 bricks at each level: a finer level's and one around them span up to five. A side of less than
+   three bricks may grow to three. */
 static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, const uint64_t *bricks) {
     const size_t each = spsi_pyramid_brick_bytes(spsi_taps_wanted(frame));
     spsi_reserve(context, SPSI_BUFFER_PYRAMIDS, 1, sizeof(spsi_pyramid));
@@ -12473,7 +12454,7 @@ static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, c
     }
 }
 
-/* Places a field for each volume. Returns the number of bricks in all grids. */
+/* Places the finest level of each volume. Returns the number of bricks in all grids. */
 SPSI_COLD size_t spsi_pyramids_begin(const sps_context *context, const spsi_frame *frame, spsi_pyramid *fields) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     size_t all = 0;
@@ -12491,7 +12472,7 @@ SPSI_COLD size_t spsi_pyramids_begin(const sps_context *context, const spsi_fram
     return all;
 }
 
-/* Lays a field's grid out. Returns the end of its memory. */
+/* Assigns memory to a grid. Returns its end. */
 SPSI_COLD int *spsi_pyramid_lay(spsi_pyramid_level *field, int *memory) {
     const size_t cells = spsi_pyramid_cells(field);
     field->grid = memory;
@@ -12503,7 +12484,7 @@ SPSI_COLD int *spsi_pyramid_lay(spsi_pyramid_level *field, int *memory) {
     return memory;
 }
 
-/* Makes grids of the bricks of all fields, unless they are held with their voxels or none are needed. */
+/* Builds the grids of all volumes, unless they are cached or not needed. */
 SPSI_COLD sps_result spsi_pyramids_place(sps_context *context, const spsi_frame *frame) {
     const int taps = spsi_taps_wanted(frame);
     if (!spsi_pyramids_wanted(frame)) return SPS_OK;
@@ -12529,13 +12510,13 @@ SPSI_COLD sps_result spsi_pyramids_place(sps_context *context, const spsi_frame 
     return SPS_OK;
 }
 
-/* Bricks of several fields, one field after the other. */
+/* Memory for the bricks of several levels. */
 typedef struct spsi_pyramid_stock {
     float *values;
     size_t count, used; /* bricks */
 } spsi_pyramid_stock;
 
-/* Fills a field of a medium, from its relevant voxels or, if there is a `fine` one, as the next level of that. */
+/* Fills a level of a medium: from `fine`, the next finer level, or from its relevant voxels. */
 SPSI_COLD void spsi_pyramid_fill(sps_context *context, const spsi_frame *frame, int medium, spsi_pyramid_stock *stock,
                                  const spsi_pyramid_level *fine, spsi_pyramid_level *field) {
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
@@ -12553,7 +12534,7 @@ SPSI_COLD void spsi_pyramid_fill(sps_context *context, const spsi_frame *frame, 
     spsi_parallel_by(context, SPSI_PYRAMID_BATCH, field->count, spsi_pyramid_apron_task, &job);
 }
 
-/* Fills the bricks of all fields, unless they are; when the first volume is to be gathered. */
+/* Fills the finest levels once, when the first volume is gathered. */
 SPSI_COLD sps_result spsi_pyramids_fill(sps_context *context, const spsi_frame *frame) {
     spsi_pyramid *fields = frame->content->fields;
     const size_t bytes = spsi_pyramid_brick_bytes(fields->taps);
@@ -12567,12 +12548,12 @@ SPSI_COLD sps_result spsi_pyramids_fill(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Number of a volume's levels, `most` at most. */
+/* Number of a volume's coarser levels, at most `most`. */
 static int spsi_levels_held(const spsi_frame *frame, int medium, int most) {
     return frame->content->fields->list[medium].count > 0 ? spsi_imin(most, spsi_levels_wanted(frame, medium)) : 0;
 }
 
-/* Makes grids of coarser levels. Returns the number of bricks that they hold. */
+/* Builds grids of coarser levels. Returns the number of their bricks. */
 SPSI_COLD size_t spsi_levels_number(const spsi_frame *frame, int levels, int *memory, spsi_pyramid *fields) {
     size_t count = 0;
     for (int m = 0; m < frame->medium_count; ++m)
@@ -12585,8 +12566,7 @@ SPSI_COLD size_t spsi_levels_number(const spsi_frame *frame, int levels, int *me
     return count;
 }
 
-/* Fills so many coarser levels of all fields, which are filled themselves, unless they are; when a volume is to be
-   gathered from one. */
+/* Fills coarser levels once, when a volume is gathered from one. The finest are filled already. */
 SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame, int levels) {
     spsi_pyramid *fields = frame->content->fields;
     spsi_pyramid_stock stock = {NULL, 0, 0};
@@ -12609,9 +12589,9 @@ SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *fr
     return SPS_OK;
 }
 
-/* --- how much fields bend --- */
+/* --- third differences of volumes --- */
 
-/* Eighths of bricks by themselves. Those of bricks that are not held are 0. */
+/* Bounds of single octants; they stay 0 in bricks that are not stored. */
 static void spsi_thirds_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
     const spsi_pyramid_level *field = job->field;
@@ -12626,7 +12606,7 @@ static void spsi_thirds_task(void *data, int held) {
                      (size_t)(2 * at[0] + n % 2)] = bends[n];
 }
 
-/* Finds how much all fields bend, which are filled, unless it is known. */
+/* Bounds the third differences of all filled volumes, once. */
 SPSI_COLD sps_result spsi_pyramids_thirds(sps_context *context, const spsi_frame *frame) {
     spsi_pyramid *fields = frame->content->fields;
     size_t cells = 0;
@@ -12643,7 +12623,7 @@ SPSI_COLD sps_result spsi_pyramids_thirds(sps_context *context, const spsi_frame
         bends += count;
         if (field->count == 0) continue;
         spsi_parallel_by(context, SPSI_PYRAMID_BATCH, field->count, spsi_thirds_task, &job);
-        for (size_t k = 0, step = 1, line; k < 3; ++k, step = line) { /* each eighth stands for the next ones, too */
+        for (size_t k = 0, step = 1, line; k < 3; ++k, step = line) { /* maximum of each octant and the next ones */
             line = step * 2 * (size_t)field->size[k];
             for (size_t i = 0; i < count; ++i)
                 if (i % line < line - step) field->bends[i] = spsi_fmax(field->bends[i], field->bends[i + step]);
@@ -12654,23 +12634,22 @@ SPSI_COLD sps_result spsi_pyramids_thirds(sps_context *context, const spsi_frame
 }
 
 /* ============================================================================================== >>targets
-   22 Filling sheets. A target is a grid of rays with sheets between slabs: the eye's, a light's, that of a face of a
-   map. The bricks and particles in a chunk of SPSI_CHUNK slabs are splatted into it tile by tile, or volumes gathered.
-   A tile belongs to one task, which adds bricks and then particles in the order of their numbers, so every pixel is the
-   same sum for any number of workers and any region. Bricks and particles are kept in queues, sorted by the first chunk
-   that they reach. A tile costs one comparison per brick of the chunk; particles are binned by tile. Once all rays
-   through a patch of 8 x 8 pixels or texels have ended, a footprint that lies in such patches only costs one test. */
+   22 Filling sheets. A target is a grid of rays with a sheet per slab: the camera's, a light's, or a map face's. Bricks
+   and particles in a chunk of SPSI_CHUNK slabs are splatted into it tile by tile, or volumes gathered. A tile is one
+   task that adds bricks, then particles, in order of their numbers. Sums are thus the same for any number of workers
+   and any region. Queues sort bricks and particles by the first chunk that they reach. A tile costs one comparison per
+   brick of the chunk; particles are binned by tile. Footprints inside patches of 8 x 8 pixels whose rays have all
+   terminated cost one test. */
 
 /* --- contents of the slabs --- */
 
-/* Items sorted by the first chunk that they reach. */
 typedef struct spsi_queue {
-    uint16_t (*chunks)[2]; /* per item: the first and the last */
-    int *order;            /* items sorted by first chunk, then by number */
-    int *starts;           /* per chunk: index in `order` of the first item that begins there; one more at the end */
-    int *present;          /* items in the current chunk, sorted by number */
-    int count;             /* of all items */
-    int current;           /* number of items present */
+    uint16_t (*chunks)[2]; /* per item: first and last */
+    int *order;            /* sorted by first chunk, then by number */
+    int *starts;           /* per chunk, and the end: first item in `order` */
+    int *present;          /* items in the current chunk, by number */
+    int count;             /* all items */
+    int current;           /* items present */
 } spsi_queue;
 
 static sps_result spsi_queue_reserve(sps_context *context, spsi_buffer_id id, int count, int chunks,
@@ -12684,20 +12663,20 @@ static sps_result spsi_queue_reserve(sps_context *context, spsi_buffer_id id, in
     return SPS_OK;
 }
 
-/* Sets the chunks of an item that lies between two slab coordinates. */
+/* Sets the chunks between two slab coordinates. */
 static void spsi_queue_set(spsi_queue *queue, int item, int chunks, double low, double high) {
     queue->chunks[item][0] = (uint16_t)spsi_dmin(spsi_dmax(floor(low / SPSI_CHUNK), 0), chunks - 1);
     queue->chunks[item][1] = (uint16_t)spsi_dmin(spsi_dmax(floor(high / SPSI_CHUNK), 0), chunks - 1);
 }
 
-/* Counting sort of the items by first chunk; returns the maximum number of items in a chunk. */
+/* Counting sort by first chunk. Returns the greatest number of items in a chunk. */
 static int spsi_queue_sort(spsi_queue *queue, int chunks) {
     int *passing = queue->starts + chunks + 1, here = 0, most = 0;
     memset(queue->starts, 0, ((size_t)chunks + 1) * sizeof(int));
     memset(passing, 0, ((size_t)chunks + 1) * sizeof(int));
     for (int i = 0; i < queue->count; ++i) {
         queue->starts[queue->chunks[i][0] + 1] += 1;
-        passing[queue->chunks[i][1] + 1] += 1; /* left behind by the chunk, but not by the one before it */
+        passing[queue->chunks[i][1] + 1] += 1; /* ended in the chunk before */
     }
     for (int chunk = 0; chunk < chunks; ++chunk) {
         here += queue->starts[chunk + 1] - passing[chunk];
@@ -12709,8 +12688,7 @@ static int spsi_queue_sort(spsi_queue *queue, int chunks) {
     return most;
 }
 
-/* Advances to the next chunk, or starts over with chunk 0. Items that reach into it stay; items that begin in it are
-   merged with them, from the end of the list backwards, in place. */
+/* Advances to the next chunk, or restarts at 0. Items that reach it stay; new ones are merged in place, backwards. */
 static void spsi_queue_advance(spsi_queue *queue, int chunk) {
     int held = 0, added;
     if (queue->count == 0) return;
@@ -12724,42 +12702,38 @@ static void spsi_queue_advance(spsi_queue *queue, int chunk) {
             held > 0 && queue->present[held - 1] > next[added - 1] ? queue->present[--held] : next[--added];
 }
 
-/* Whether any voxel or particle was read. */
 SPSI_COLD int spsi_holds_gas(const sps_context *context, const spsi_frame *frame) {
     return context->brick_count > 0 || frame->content->particle_count > 0;
 }
 
 /* --- a target --- */
 
-/* A chunk's particles as a target's rays see them, binned by tile. A particle that reaches into at most two by two
-   tiles is listed with the top left one; wider particles are in the last list, which every tile reads. */
+/* A chunk's particles as a target sees them, binned by tile. Particles on at most 2 x 2 tiles are listed with the top
+   left one; wider ones are in the last list, which every tile reads. */
 typedef struct spsi_lists {
     spsi_projected_sphere *projected;
-    int *places;  /* of each in `seen`: 4 * its list, plus what its member has; -1: none */
-    int *members; /* 4 * index in `seen`, plus 1 if the particle reaches the next column of tiles, plus 2: the next row
-                   */
-    int *starts;  /* per tile, and one more: index of its first member */
+    int *places;  /* per particle: 4 * list, plus its member's flags; -1: none */
+    int *members; /* 4 * index, plus 1 if it reaches the next column of tiles, 2 if the next row */
+    int *starts;  /* per list, and the end: first member */
 } spsi_lists;
 
-/* The workers' sheets, one tile each. */
 typedef struct spsi_sheets {
     float *memory;
     size_t floats; /* per worker */
     int worker_count;
 } spsi_sheets;
 
-/* Extents of a tile's sheets. */
 typedef struct spsi_shape {
     int channels;
-    int slab_margin; /* slabs before and after a chunk: one for the parabolas of what is classified */
+    int slab_margin; /* slabs before and after a chunk: 1 for parabolas of classified volumes */
 } spsi_shape;
 
-/* What rays fill, which decides how volumes fill it. */
+/* A target's purpose, which decides how volumes fill it. */
 typedef enum spsi_target_kind {
     SPSI_TARGET_EYE,
     SPSI_TARGET_SAMPLES, /* samples for cells, or for light that spreads */
-    SPSI_TARGET_MAP,     /* from here on, of lights */
-    SPSI_TARGET_COARSE,  /* a map whose texels are meant to be wider than classified voxels */
+    SPSI_TARGET_MAP,     /* this and later ones: lights */
+    SPSI_TARGET_COARSE,  /* a map with texels wider than classified voxels */
     SPSI_TARGET_SHEETS
 } spsi_target_kind;
 
@@ -12768,25 +12742,25 @@ typedef struct spsi_target {
     const spsi_rays *rays;
     const spsi_slabs *slabs;
     double origin_slab; /* slab coordinate of the rays' origin */
-    int columns, rows;  /* of tiles */
+    int columns, rows;  /* tiles */
     spsi_shape shape;
-    int channels[SPSI_VOLUMES_MAX];          /* of each lattice; -1: it is not splatted */
-    spsi_verdict verdicts[SPSI_VOLUMES_MAX]; /* whether they are gathered, by `tappers` */
+    int channels[SPSI_VOLUMES_MAX];          /* per lattice; -1: not filled */
+    spsi_verdict verdicts[SPSI_VOLUMES_MAX]; /* gathered ones use `samplers` */
     spsi_sampler samplers[SPSI_VOLUMES_MAX];
-    int set_channels[SPSI_SETS_MAX]; /* of each set of particles */
+    int set_channels[SPSI_SETS_MAX];
     spsi_target_kind kind;
     spsi_splatter splatters[SPSI_VOLUMES_MAX];
     spsi_sphere_setup crossing;
-    int16_t (*brick_boxes)[4]; /* x0, y0, x1, y1 of each brick, in pixels; x1 < x0: nowhere */
+    int16_t (*brick_boxes)[4]; /* x0, y0, x1, y1 of each brick, in pixels; x1 < x0: empty */
     spsi_lists particles;
     spsi_sheets sheets;
-    uint64_t (*counts)[3]; /* per worker: footprints, fragments and samples */
-    float tolerance;       /* optical depth by which rays may be off for being interpolated; 0: none is */
-    float *spent;          /* per patch of each tile: what was used of it so far; NULL: nothing ever is */
+    uint64_t (*counts)[3]; /* per worker: footprints, fragments, samples */
+    float tolerance;       /* allowed interpolation error in optical depth; 0: no interpolation */
+    float *spent;          /* error used so far, per patch of each tile; NULL: none */
 } spsi_target;
 
-/* Whether a gathered volume may be interpolated between rays: gas that does not emit, at its own level or the next,
-   whose voxels are sums of voxels no farther away than those that bounds are made from. */
+/* True if a volume may be interpolated: gathered gas without emission, at level 0 or 1. Voxels of coarser levels sum
+   beyond the bounds' reach. */
 static int spsi_target_interpolates(const spsi_target *target, int medium) {
     const spsi_frame *frame = target->frame;
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
@@ -12799,7 +12773,7 @@ SPSI_COLD size_t spsi_spent_bytes(const spsi_rays *rays) {
     return 64 * sizeof(float) * (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays);
 }
 
-/* Begins to count what is used of a target's tolerance, if a volume may use any. */
+/* Begins to count the tolerance used, if any volume may use it. */
 SPSI_COLD sps_result spsi_target_begin_spending(sps_context *context, spsi_buffer_id id, spsi_target *target) {
     int spends = 0;
     target->spent = NULL;
@@ -12811,7 +12785,7 @@ SPSI_COLD sps_result spsi_target_begin_spending(sps_context *context, spsi_buffe
     return SPS_OK;
 }
 
-/* The most that any patch has used of it. */
+/* Most tolerance used by any patch. */
 SPSI_COLD float spsi_target_spent(const spsi_target *target) {
     const size_t count = target->spent ? spsi_spent_bytes(target->rays) / sizeof(float) : 0;
     float most = 0;
@@ -12819,8 +12793,7 @@ SPSI_COLD float spsi_target_spent(const spsi_target *target) {
     return most;
 }
 
-/* The bricks and particles of a frame, one chunk of slabs at a time, and the targets that they are splatted into, which
-   have these slabs in common. */
+/* A frame's bricks and particles, one chunk of slabs at a time, and the targets with these slabs. */
 typedef struct spsi_contents {
     sps_context *context;
     const spsi_frame *frame;
@@ -12829,7 +12802,7 @@ typedef struct spsi_contents {
     int target_count;
     const spsi_brick *list;
     spsi_queue bricks, particles;
-    int first_slab; /* of the current chunk */
+    int first_slab; /* current chunk's */
 } spsi_contents;
 
 SPSI_COLD void spsi_contents_advance(spsi_contents *contents, int chunk) {
@@ -12844,8 +12817,8 @@ static size_t spsi_shape_floats(const spsi_shape *shape) {
            2 * SPSI_LANES; /* vectors reach beyond */
 }
 
-/* The eye's sheets have a channel for each material. A light's have one for all gases, and one for each classified
-   volume. These interpolate from slab to slab. */
+/* The camera's sheets have a channel per material. A light's have one for all gases, and one per classified volume.
+   Classified volumes interpolate between slabs. */
 static spsi_shape spsi_shape_of(const spsi_frame *frame, int is_eye) {
     const int channels = is_eye ? frame->matter.material_count : frame->matter.light_channel_count;
     const spsi_shape shape = {channels, frame->matter.classifies};
@@ -12872,10 +12845,9 @@ SPSI_COLD void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays,
     }
 }
 
-/* Decides how a volume fills a target. A light's holds the optical depth of gases and the values of classified volumes.
-   In sheets and coarse maps, kernels of these end early, and are not widened to a texel: it would be the look of a
-   mean. In samples, gas keeps its mass, whatever the level on which the eye sees it: it is deposited if its voxels are
-   small. Returns 0 if the volume is refused. */
+/* Decides how a volume fills a target. Lights store optical depths of gases and values of classified volumes. Sheets
+   and coarse maps end classified kernels early, without widening them to a texel; a mean would be classified wrongly.
+   Samples keep the mass of gas at any level; small voxels are deposited. Returns 0 if the volume is refused. */
 static int spsi_target_judge(spsi_target *target, int i) {
     const spsi_frame *frame = target->frame;
     const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
@@ -12888,7 +12860,7 @@ static int spsi_target_judge(spsi_target *target, int i) {
     spsi_splatter *splatter = &target->splatters[i];
     if (!spsi_splatter_build(&frame->lattices[i], target->rays, target->slabs, scale, cut, splatter)) return 0;
     splatter->sign = target->crossing.sign;
-    splatter->whole = target->kind == SPSI_TARGET_EYE && material->table; /* sections are not cut */
+    splatter->whole = target->kind == SPSI_TARGET_EYE && material->table; /* classified slabs are not cut */
     if (splatter->whole) splatter->eye_near = -FLT_MAX;
     if (splatter->whole || looks) splatter->filter = 0; /* nor footprints widened */
     if (!keeps) {
@@ -12902,12 +12874,11 @@ static int spsi_target_judge(spsi_target *target, int i) {
     return 1;
 }
 
-/* Whether a volume fills a target at all: of a light, what has no extinction does not. */
+/* True if a volume fills a target; lights skip volumes without extinction. */
 static int spsi_target_takes(const spsi_target *target, const spsi_medium *medium) {
     return target->kind < SPSI_TARGET_MAP || target->frame->matter.materials[medium->channel].extinguishes;
 }
 
-/* Decides how all volumes fill a target. */
 static sps_result spsi_target_volumes(sps_context *context, spsi_target *target) {
     for (int i = 0; i < target->frame->medium_count && context->brick_count > 0; ++i) {
         const spsi_medium *medium = &target->frame->media[i];
@@ -12921,7 +12892,6 @@ static sps_result spsi_target_volumes(sps_context *context, spsi_target *target)
     return SPS_OK;
 }
 
-/* The eye, or the rays of a light's sheets or of a map's face, as a target. */
 static sps_result spsi_target_build(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                     const spsi_slabs *slabs, spsi_target_kind kind, int backwards,
                                     spsi_target *target) {
@@ -12930,12 +12900,12 @@ static sps_result spsi_target_build(sps_context *context, const spsi_frame *fram
     return spsi_target_volumes(context, target);
 }
 
-#define SPSI_SUMMED_MOST 8192 /* particles that are summed in sheets: each may lose half of 8192 roundings, 2.5e-4 */
+#define SPSI_SUMMED_MOST 8192 /* particles summed in a sheet: each may lose half of 8192 roundings, 2.5e-4 */
 
-/* Tiles of sheets for each worker: a second one if so many particles may meet that their sums are carried. */
+/* Tiles of sheets per worker: two if so many particles may meet that their sums are carried. */
 static size_t spsi_sheet_tiles(const spsi_frame *frame) { return frame->particles.count > SPSI_SUMMED_MOST ? 2 : 1; }
 
-/* Allocates the workers' scratch: a tile of sheets, shared by the targets, and counters for each target. */
+/* Allocates a tile of sheets per worker, common to all targets, and counters per target. */
 SPSI_COLD sps_result spsi_targets_reserve(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const int count = contents->target_count;
@@ -12945,7 +12915,7 @@ SPSI_COLD sps_result spsi_targets_reserve(const spsi_contents *contents) {
         const size_t own = tiles * spsi_shape_floats(&contents->targets[i]->shape);
         floats = own > floats ? own : floats;
     }
-    floats = (floats + 1) / 2 * 2; /* keeps the counters aligned */
+    floats = (floats + 1) / 2 * 2; /* aligns the counters */
     float *sheets = (float *)spsi_reserve(context, SPSI_BUFFER_SHEETS, workers,
                                           floats * sizeof(float) + 3 * (size_t)count * sizeof(uint64_t));
     if (!sheets) return context->result;
@@ -12963,7 +12933,7 @@ SPSI_COLD sps_result spsi_targets_reserve(const spsi_contents *contents) {
 
 /* --- where bricks and particles are --- */
 
-/* The range of slab coordinates of the centres of a brick's voxels. */
+/* Slab coordinates of a brick's voxel centres. */
 static void spsi_brick_slabs(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_slabs *slabs, double *low,
                              double *high) {
     double at[3], point[3];
@@ -12977,7 +12947,7 @@ static void spsi_brick_slabs(const spsi_lattice *lattice, const spsi_brick *bric
     }
 }
 
-/* The pixels that a brick's kernels may reach; `behind`: 1 if rays extend behind their origin. */
+/* Pixels that a brick's kernels may reach. `behind`: 1 if rays extend behind their origin. */
 static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_target *target, int behind,
                            int16_t box[4]) {
     const spsi_rays *rays = target->rays;
@@ -13019,8 +12989,7 @@ static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick,
     box[3] = (int16_t)floor(spsi_dmax(spsi_dmin(high[1] + filter, rays->height - 1), -1));
 }
 
-/* How far a volume's voxels reach across slabs. What is gathered looks for them along the axes, and where slabs have
-   means, one more sample tells a slope. */
+/* Reach of a volume's voxels across slabs. Gathering reaches along the axes; means need one more sample for a slope. */
 static double spsi_target_reach(const spsi_target *target, int lattice) {
     const spsi_splatter *splatter = &target->splatters[lattice];
     double reach = 0;
@@ -13048,7 +13017,6 @@ static void spsi_bricks_task(void *data, int i) {
     spsi_queue_set(&contents->bricks, i, chunks, low - farthest, high + farthest);
 }
 
-/* The chunks that particles touch, in any target. */
 static void spsi_particles_task(void *data, int i) {
     spsi_contents *contents = (spsi_contents *)data;
     const spsi_frame *frame = contents->frame;
@@ -13062,12 +13030,11 @@ static void spsi_particles_task(void *data, int i) {
     spsi_queue_set(&contents->particles, i, chunks, slab - room, slab + room);
 }
 
-/* Number of list starts: one per tile, one for wide particles, and the end. */
+/* List starts: tiles, wide particles, and the end. */
 SPSI_COLD size_t spsi_list_starts(const spsi_rays *rays) {
     return (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays) + 2;
 }
 
-/* Reserves a target's lists for a number of particles in a chunk. */
 SPSI_COLD sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, const spsi_rays *rays, size_t most,
                                         spsi_lists *lists) {
     size_t bytes = spsi_list_starts(rays) * sizeof(int);
@@ -13080,7 +13047,7 @@ SPSI_COLD sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id,
     return SPS_OK;
 }
 
-/* Fills the volumes' fields if a target gathers any, or surfaces have gradients, and their levels likewise. */
+/* Fills the pyramid levels that targets gather, or that surface gradients need. */
 SPSI_COLD sps_result spsi_contents_pyramids(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const double start = spsi_clock(context);
@@ -13100,7 +13067,7 @@ SPSI_COLD sps_result spsi_contents_pyramids(const spsi_contents *contents) {
     return SPS_OK;
 }
 
-/* Finds the chunks and boxes of all bricks, and allocates the targets' sheets. `second` may be NULL. */
+/* Finds the chunks and boxes of all bricks, and allocates sheets. `second` may be NULL. */
 SPSI_COLD sps_result spsi_contents_build(sps_context *context, spsi_target *first, spsi_target *second,
                                          spsi_contents *contents) {
     static const spsi_buffer_id boxes[2] = {SPSI_BUFFER_BRICK_BOXES, SPSI_BUFFER_BRICK_LIGHT_BOXES};
@@ -13126,7 +13093,7 @@ SPSI_COLD sps_result spsi_contents_build(sps_context *context, spsi_target *firs
     return SPS_OK;
 }
 
-/* The same for particles. */
+/* Finds the chunks of all particles, and allocates lists. */
 SPSI_COLD sps_result spsi_contents_add_particles(spsi_contents *contents) {
     static const spsi_buffer_id lists[2] = {SPSI_BUFFER_EYE_SPHERES, SPSI_BUFFER_LIGHT_SPHERES};
     sps_context *context = contents->context;
@@ -13145,7 +13112,7 @@ SPSI_COLD sps_result spsi_contents_add_particles(spsi_contents *contents) {
 
 /* --- a chunk's particles, by tile --- */
 
-/* The list that a particle belongs in, as spsi_lists.places has it. */
+/* A particle's place, as in spsi_lists.places. */
 static int spsi_list_place(const spsi_target *target, const spsi_sphere *sphere) {
     const int x0 = sphere->x0 / SPSI_TILE_WIDTH, x1 = sphere->x1 / SPSI_TILE_WIDTH;
     const int y0 = sphere->y0 / SPSI_TILE_HEIGHT, y1 = sphere->y1 / SPSI_TILE_HEIGHT;
@@ -13183,11 +13150,10 @@ static void spsi_lists_task(void *data, int index) {
     for (int i = 0; i < count; ++i)
         if (lists->places[i] >= 0) lists->starts[lists->places[i] / 4] += 1;
     for (int list = 0; list < list_count; ++list) lists->starts[list + 1] += lists->starts[list];
-    for (int i = count - 1; i >= 0; --i) /* from the end: each list's end moves to its start */
+    for (int i = count - 1; i >= 0; --i) /* backwards: each list's end moves to its start */
         if (lists->places[i] >= 0) lists->members[--lists->starts[lists->places[i] / 4]] = 4 * i + lists->places[i] % 4;
 }
 
-/* Projects and bins the chunk's particles for all targets. */
 SPSI_COLD void spsi_contents_bin_particles(spsi_contents *contents) {
     sps_context *context = contents->context;
     const double start = spsi_clock(context);
@@ -13200,7 +13166,7 @@ SPSI_COLD void spsi_contents_bin_particles(spsi_contents *contents) {
 /* --- a tile --- */
 
 static void spsi_tile_place(const spsi_target *target, int column, int row, int worker, spsi_tile *tile) {
-    SPS_ASSERT(worker >= 0 && worker < target->sheets.worker_count); /* else two tasks would share sheets */
+    SPS_ASSERT(worker >= 0 && worker < target->sheets.worker_count); /* otherwise two tasks would use the same sheets */
     memset(tile, 0, sizeof *tile);
     tile->open = ~UINT64_C(0);
     tile->nearest_limit = SPSI_INFINITY;
@@ -13215,20 +13181,19 @@ static void spsi_tile_place(const spsi_target *target, int column, int row, int 
     tile->sheets = target->sheets.memory + (size_t)worker * target->sheets.floats;
 }
 
-/* Whether a box of pixels, as of a brick, meets a tile. */
 static int spsi_box_meets_tile(const int16_t box[4], int column, int row) {
     const int x0 = column * SPSI_TILE_WIDTH, y0 = row * SPSI_TILE_HEIGHT;
     return box[0] < x0 + SPSI_TILE_WIDTH && box[2] >= x0 && box[1] < y0 + SPSI_TILE_HEIGHT && box[3] >= y0;
 }
 
-/* A tile that is being filled. Its sheets are cleared when the first footprint is added. */
+/* A tile being filled. Its sheets are cleared before the first footprint. */
 typedef struct spsi_tile_fill {
     const spsi_target *target;
     const spsi_contents *contents;
     spsi_tile *tile;
     int column, row, touched;
-    int summed;  /* particles that the sheets hold */
-    int carried; /* 1: the sums behind the sheets hold others */
+    int summed;  /* particles in the sheets */
+    int carried; /* 1: others are in the sums behind the sheets */
 } spsi_tile_fill;
 
 static void spsi_tile_touch(spsi_tile_fill *fill) {
@@ -13236,7 +13201,7 @@ static void spsi_tile_touch(spsi_tile_fill *fill) {
     fill->touched = 1;
 }
 
-/* Moves what the sheets hold to the sums behind them: a weak particle is lost in the rounding of a sum of many. */
+/* Moves the sheets to the sums behind them: rounding would lose weak particles in a large sum. */
 static void spsi_tile_carry(spsi_tile_fill *fill) {
     const size_t floats = spsi_shape_floats(&fill->target->shape);
     float *sheets = fill->tile->sheets, *sums = sheets + floats;
@@ -13246,7 +13211,7 @@ static void spsi_tile_carry(spsi_tile_fill *fill) {
     fill->carried = 1;
 }
 
-/* Places a patch of a tile. Returns 0 if it has no pixels. */
+/* Places a patch; returns 0 if it has no pixels. */
 static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_sampler_patch *patch) {
     const int x = tile->x0 + number % 8 * SPSI_PATCH, y = tile->y0 + number / 8 * SPSI_PATCH;
     const int x1 = spsi_imin(tile->x1, x + SPSI_PATCH - 1), y1 = spsi_imin(tile->y1, y + SPSI_PATCH - 1);
@@ -13258,7 +13223,7 @@ static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_sampler_patch
     return x <= x1 && y <= y1;
 }
 
-/* Optical depth of a slab on a patch's rays, if the value of a gas is 1. */
+/* Optical depth of a slab on a patch's rays at value 1. */
 static float spsi_target_depth(const spsi_target *target, int medium, const spsi_sampler_patch *patch) {
     const spsi_frame *frame = target->frame;
     const float extinction = frame->matter.materials[frame->media[medium].channel].extinction;
@@ -13271,17 +13236,17 @@ static float spsi_target_depth(const spsi_target *target, int medium, const spsi
     return extinction * most;
 }
 
-/* How a patch of a tile is interpolated, slab by slab. */
+/* Interpolation of a patch, slab by slab. */
 typedef struct spsi_patch_plan {
     spsi_sampler_patch patch;
-    float allowed;             /* of the tolerance, up to here */
-    float *spent;              /* of what is allowed */
-    float depth, way;          /* of a slab: optical depth, if the value is 1, and voxels that rays cross */
-    int steps[SPSI_SAMPLER_SLABS]; /* samples of its sixteen rays in each slab; 0: all rays are followed */
+    float allowed;             /* tolerance up to this chunk */
+    float *spent;              /* tolerance used */
+    float depth, way;          /* per slab: optical depth at value 1; voxels that rays cross */
+    int steps[SPSI_SAMPLER_SLABS]; /* samples of its sixteen rays in each slab; 0: trace all rays */
 } spsi_patch_plan;
 
-/* Chooses the slabs that sixteen rays fill, by what is left of the tolerance. Where rays cross voxels enough for
-   several samples in a slab, fewer of them may do. */
+/* Chooses the slabs to interpolate with the tolerance left. Where rays take several samples in a slab, fewer may
+   suffice. */
 static void spsi_patch_choose(const spsi_sampler *here, const spsi_tile *tile, spsi_patch_plan *plan) {
     const float across = plan->depth * spsi_sampler_patch_bound(here, tile, &plan->patch);
     const int most = spsi_sampler_steps(here, plan->way);
@@ -13303,9 +13268,8 @@ static void spsi_patch_choose(const spsi_sampler *here, const spsi_tile *tile, s
     }
 }
 
-/* Adds a gathered volume to those of a tile's patches, slab by slab, where sixteen rays do. Slabs up to here may use
-   their share of the tolerance. `way`: voxels that rays cross in a slab. `rest` has the patches of each slab, and keeps
-   those that were left out. */
+/* Interpolates a gathered volume in patches and slabs, as the tolerance up to this chunk allows. `way`: voxels crossed
+   in a slab. `rest`: patches per slab, reduced to the ones not interpolated. */
 static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_sampler *here, int medium, float way, float *channel,
                                   uint64_t rest[SPSI_SAMPLER_SLABS]) {
     const spsi_target *target = fill->target;
@@ -13322,7 +13286,7 @@ static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_sampler *here
         plan.spent = &spent[n];
         plan.depth = here->mix * spsi_target_depth(target, medium, &plan.patch);
         spsi_patch_choose(here, fill->tile, &plan);
-        for (run[0] = 0; run[0] < count; run[0] = run[1]) { /* slabs that are filled likewise */
+        for (run[0] = 0; run[0] < count; run[0] = run[1]) { /* slabs with equal steps */
             const int steps = plan.steps[run[0]];
             for (run[1] = run[0]; run[1] < count && plan.steps[run[1]] == steps; ++run[1])
                 if (steps > 0) rest[run[1]] &= ~(UINT64_C(1) << n);
@@ -13331,7 +13295,7 @@ static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_sampler *here
     }
 }
 
-/* Bits of the pixels in a row of a tile's patches. */
+/* Mask of pixels in a row of patches. */
 static uint64_t spsi_patch_pixels(uint64_t patches, int row) {
     uint64_t pixels = 0;
     for (int n = 0; n < 8; ++n)
@@ -13339,7 +13303,7 @@ static uint64_t spsi_patch_pixels(uint64_t patches, int row) {
     return pixels;
 }
 
-/* The pixels of a tile that lie in patches and whose rays have not ended, as bits by row. */
+/* Masks of a tile's pixels in patches whose rays have not terminated, by row. */
 static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t live[SPSI_TILE_HEIGHT]) {
     const int width = tile->x1 - tile->x0 + 1, height = tile->y1 - tile->y0 + 1;
     for (int y = 0; y < SPSI_TILE_HEIGHT; ++y) {
@@ -13352,12 +13316,10 @@ static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t liv
     }
 }
 
-/* Within which reach of what is shown samples of a volume are taken, where rays cross `way` voxels in a slab. What a
-   classified slab looks like depends on those beside it. If they have means, these depend on a sample more at their
-   ends; at draft quality, the last voxel of that is left out. If they have samples, one of
-   three in a row is shown, so that a sample may matter which is two slabs from the shown one; that one is shown by
-   voxels within 1.25 of it, since all beyond that on one side weigh 0.1. Two voxels are the most: thicker slabs are no
-   more exact than that. */
+/* Distance from visible voxels within which samples are taken, if rays cross `way` voxels in a slab. Classified slabs
+   depend on adjacent ones too. Means also depend on one more sample at their ends; draft quality omits its last voxel.
+   Of three samples in a row one is visible, so a sample two slabs away may matter. Voxels within 1.25 make a sample
+   visible, since all beyond on one side weigh 0.1. Two voxels suffice: thicker slabs are no more exact. */
 static int spsi_reach_wanted(const spsi_target *target, int medium, float way) {
     const spsi_frame *frame = target->frame;
     const float taps = (float)(target->samplers[medium].fields->taps / 2);
@@ -13368,8 +13330,8 @@ static int spsi_reach_wanted(const spsi_target *target, int medium, float way) {
     return (int)spsi_fmin(spsi_fmax(farthest, 0), SPSI_PYRAMID_REACHES - 1);
 }
 
-/* The pixels of a vector that lie in each slab's patches, as bits, from the slab before the first on. `x` and `row` are
-   relative to the tile, and `row` counts patches. */
+/* Masks of a vector's pixels in each slab's patches, from the slab before the first on. `x` is in pixels of the tile,
+   `row` in patches. */
 static void spsi_tile_need(const uint64_t patches[SPSI_SAMPLER_SLABS], int count, int x, int row,
                            int by_slab[SPSI_SAMPLER_SLABS + 3]) {
     by_slab[0] = by_slab[count + 1] = by_slab[count + 2] = 0;
@@ -13377,8 +13339,8 @@ static void spsi_tile_need(const uint64_t patches[SPSI_SAMPLER_SLABS], int count
         by_slab[1 + slab] = (int)(spsi_patch_pixels(patches[slab], row) >> x & SPSI_ALL_LANES);
 }
 
-/* Adds a gathered volume to patches of a tile's slabs, on all rays that have not ended. A vector of pixels goes down
-   row by row, so that bricks stay in the level-1 cache. */
+/* Adds a gathered volume to patches, on all rays that have not terminated. A vector of pixels goes down row by row, so
+   that bricks stay in the L1 cache. */
 static void spsi_tile_follow(const spsi_sampler *here, spsi_tile *tile, const uint64_t patches[SPSI_SAMPLER_SLABS],
                              int steps, float *channel) {
     const int width = tile->x1 - tile->x0 + 1;
@@ -13394,7 +13356,6 @@ static void spsi_tile_follow(const spsi_sampler *here, spsi_tile *tile, const ui
         }
 }
 
-/* Adds a level of a gathered volume to the patches of a tile. */
 static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t patches, spsi_sampler here) {
     const spsi_target *target = fill->target;
     spsi_tile *tile = fill->tile;
@@ -13411,8 +13372,8 @@ static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t pa
     spsi_tile_follow(&here, tile, rest, spsi_sampler_steps(&here, way), channel);
 }
 
-/* Adds its level, and the next, by as many rays as that has once it replaces this one. `mix` is that of each from here
-   on. */
+/* Adds a volume's level and the next, with the rays that the next will have once it takes over. From here on, `mix` is
+   each one's weight. */
 static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
     const spsi_target *target = fill->target;
     spsi_sampler here = target->samplers[medium], next = here;
@@ -13432,7 +13393,7 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
     spsi_tile_gather_level(fill, medium, patches, next);
 }
 
-#define SPSI_TICK_BRICKS 128 /* splatted between two looks at the clock: a few milliseconds' work */
+#define SPSI_TICK_BRICKS 128 /* bricks between checks of the clock: a few milliseconds */
 
 static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
     const spsi_target *target = fill->target;
@@ -13484,7 +13445,7 @@ static void spsi_tile_splat_one(spsi_tile_fill *fill, const spsi_projected_spher
     spsi_splat_particle(fill->tile, &fill->target->crossing, projected, fill->contents->first_slab == 0, left);
 }
 
-/* Splats those particles of a list that reach beyond its tile: 0: all, 1: to the right, 2: down, 3: both. */
+/* Splats a list's particles that reach beyond its tile: 0: all, 1: right, 2: down, 3: both. */
 static void spsi_tile_splat_list(spsi_tile_fill *fill, int list, int beyond) {
     const spsi_lists *lists = &fill->target->particles;
     const int first = lists->starts[list], end = lists->starts[list + 1], ahead = 8;
@@ -13496,7 +13457,6 @@ static void spsi_tile_splat_list(spsi_tile_fill *fill, int list, int beyond) {
     }
 }
 
-/* Splats the wide particles that overlap the tile. */
 static void spsi_tile_splat_wide(spsi_tile_fill *fill) {
     const spsi_lists *lists = &fill->target->particles;
     const int list = fill->target->columns * fill->target->rows;
@@ -13509,8 +13469,8 @@ static void spsi_tile_splat_wide(spsi_tile_fill *fill) {
     }
 }
 
-/* Splats the chunk's bricks and particles that overlap a tile. Particles come from its own list, those of its left and
-   upper neighbours, and the list of wide ones. Returns 0 if there are none; the sheets are not cleared then. */
+/* Splats a chunk's bricks and particles into a tile. Particles come from its own list, its left and upper neighbours',
+   and the wide ones'. Returns 0 if there are none, with sheets not cleared. */
 static int spsi_tile_splat(const spsi_target *target, const spsi_contents *contents, int column, int row,
                            spsi_tile *tile) {
     spsi_tile_fill fill = {target, contents, tile, column, row, 0, 0, 0};
@@ -13528,30 +13488,28 @@ static int spsi_tile_splat(const spsi_target *target, const spsi_contents *conte
     return fill.touched;
 }
 
-/* Adds a finished tile's counts to its worker's counters. */
 static void spsi_tile_count(const spsi_target *target, const spsi_tile *tile, int worker) {
     target->counts[worker][0] += tile->visits;
     target->counts[worker][1] += tile->fragments;
     target->counts[worker][2] += tile->samples;
 }
 
-/* Roughly the work that filling took, in samples. */
+/* Approximate work in samples. */
 static uint32_t spsi_tile_work(const spsi_tile *tile) { return (uint32_t)(tile->samples + 8 * tile->visits); }
 
 /* ========================================================================================== >>lightsheets
-   23 The optical depth of a light's sheets. Sheets of gases hold it already, per unit of t. A transfer function is not
-   linear, so a slab's mean value is not enough: classified slabs are divided into SPSI_SUBSLABS parts, whose means come
-   from the parabola through the means of three slabs. */
+   23 Optical depth of a light's sheets. Sheets of gases store it per unit of t. A transfer function is not linear, so
+   classified slabs are divided into SPSI_SUBSLABS parts. Their means follow a parabola through the means of three
+   slabs. */
 
-#define SPSI_SUBSLABS 4 /* of a slab that is classified or shaded by polygons */
+#define SPSI_SUBSLABS 4 /* parts of a slab that is classified or shaded by polygons */
 
-/* value + slope x + bend x^2, x from -1/2 to 1/2 through a slab. */
+/* value + slope x + bend x^2, with x from -1/2 to 1/2 through a slab. */
 typedef struct spsi_parabola {
     spsi_v value, slope, bend;
 } spsi_parabola;
 
-/* The parabola whose means over a slab and the ones before and after are given, or, if these are no means, the values
-   in their middles. */
+/* Parabola through the means of three slabs or, if not `means`, through their middle values. */
 static inline spsi_parabola spsi_parabola_through(spsi_v before, spsi_v here, spsi_v after, int means) {
     spsi_parabola p;
     p.slope = spsi_mul(spsi_set(0.5f), spsi_sub(after, before));
@@ -13560,14 +13518,13 @@ static inline spsi_parabola spsi_parabola_through(spsi_v before, spsi_v here, sp
     return p;
 }
 
-/* Whether a target's sheets hold means of a volume over slabs, rather than samples in their middles. */
+/* True if sheets store means over slabs instead of samples in their middles. */
 static int spsi_target_has_means(const spsi_target *target, int medium) {
     return !spsi_gathers(target->verdicts[medium]) || !target->samplers[medium].lone;
 }
 
-/* The values of a classified volume in a slab, by those of the slabs before, here and after. Of samples, one of the
-   three must be shown: beside places where none are taken, whose 0 is none, a parabola would rise above its samples.
-   Returns 0 if nothing is shown. */
+/* Parabola of a classified volume through three slabs. It is 0 if all three samples are invisible: samples that were
+   not taken are 0, and it would overshoot. Returns 0 if nothing is visible. */
 static inline int spsi_values_through(const spsi_material *material, const spsi_v values[3], int means,
                                       spsi_parabola *p) {
     const spsi_v zero = spsi_set(0), most = spsi_max(values[1], spsi_max(values[0], values[2]));
@@ -13580,13 +13537,12 @@ static inline int spsi_values_through(const spsi_material *material, const spsi_
     return spsi_bits(shown) != 0;
 }
 
-/* A portion of a slab: its middle x, relative to the slab's, and the mean of the squared position over its width w,
-   x^2 + w^2 / 12. */
+/* Part of a slab: its middle x, and the mean of squares over its width w, x^2 + w^2 / 12. */
 typedef struct spsi_portion {
     spsi_v middle, square;
 } spsi_portion;
 
-/* One of SPSI_SUBSLABS equal parts of the interval between the shares `first` and `last` of a slab. */
+/* One of SPSI_SUBSLABS equal parts between the fractions `first` and `last` of a slab. */
 static inline spsi_portion spsi_portion_of(spsi_v first, spsi_v last, int part) {
     const spsi_v width = spsi_mul(spsi_sub(last, first), spsi_set(1.0f / SPSI_SUBSLABS));
     spsi_portion s;
@@ -13595,7 +13551,6 @@ static inline spsi_portion spsi_portion_of(spsi_v first, spsi_v last, int part) 
     return s;
 }
 
-/* A parabola's mean over a portion. */
 static inline spsi_v spsi_parabola_mean(const spsi_parabola *p, const spsi_portion *s) {
     return spsi_fma(p->bend, s->square, spsi_fma(p->slope, s->middle, p->value));
 }
@@ -13604,8 +13559,8 @@ typedef struct spsi_light_shader {
     const spsi_frame *frame;
     const spsi_rays *rays;
     spsi_linear slab;
-    int material_of_channel[SPSI_VOLUMES_MAX + 1]; /* -1: gases, whose sheets hold optical depth already */
-    int has_means[SPSI_VOLUMES_MAX + 1];           /* of classified volumes, by channel */
+    int material_of_channel[SPSI_VOLUMES_MAX + 1]; /* -1: gases, stored as optical depth */
+    int has_means[SPSI_VOLUMES_MAX + 1];           /* classified volumes, by channel */
 } spsi_light_shader;
 
 SPSI_COLD void spsi_light_shader_build(const spsi_target *target, spsi_light_shader *shader) {
@@ -13622,10 +13577,9 @@ SPSI_COLD void spsi_light_shader_build(const spsi_target *target, spsi_light_sha
     spsi_linear_of_slabs(target->rays, target->slabs, &shader->slab);
 }
 
-/* How a vector of a light's rays crosses slabs. */
 typedef struct spsi_row_slabs {
     spsi_v length;          /* world length per unit of t */
-    spsi_v count, per_slab; /* number of slabs per unit of t, and its inverse */
+    spsi_v count, per_slab; /* slabs per unit of t, and its inverse */
 } spsi_row_slabs;
 
 static inline spsi_row_slabs spsi_row_slabs_at(const spsi_light_shader *shader, int x, int y) {
@@ -13635,13 +13589,13 @@ static inline spsi_row_slabs spsi_row_slabs_at(const spsi_light_shader *shader, 
     return slabs;
 }
 
-/* A sheet's values for a vector of pixels. Round-off in the kernel's share can make sums slightly negative. */
+/* A sheet's values. Round-off in the kernel can make sums slightly negative. */
 static inline spsi_v spsi_sheet_sum(const spsi_tile *tile, int channel, size_t at) {
     return spsi_max(spsi_load(tile->sheets + (size_t)channel * tile->channel_size + at), spsi_set(0));
 }
 
-/* Optical depth of one slab for a vector of texels; `at`: index of the slab in a channel. Classified volumes follow a
-   parabola through the slabs before and after, as they do for the eye. */
+/* Optical depth of a slab for a vector of texels; `at`: index in a channel. Classified volumes follow a parabola, as
+   for the camera. */
 static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const spsi_tile *tile, size_t at,
                                       const spsi_row_slabs *slabs) {
     const spsi_v part_length = spsi_mul(spsi_mul(slabs->per_slab, slabs->length), spsi_set(1.0f / SPSI_SUBSLABS));
@@ -13672,61 +13626,59 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
 }
 
 /* =============================================================================================== >>tmaps
-   24 Transmittance maps: a light's texels, how they are filled and how they are queried. Each of up to six faces is a
-   grid of rays; u is the share of the way from near_depth to far_depth along t. Six faces share the rays of their
-   common edges, and t is the largest coordinate from the light, which is the same from either side, so nothing jumps
-   from face to face. Opaque surfaces are kept apart, as a depth per texel: no technique could hold them without harming
-   everything else. A map is filled one row of tiles (a band) at a time. Each tile is a task of its own that visits
-   volumes, particles and triangles in their order, so that the result is the same to the bit for any number of workers.
-   Whatever meets a vector of texels is a vector of intervals. The kind of visit decides what becomes of it: sums, for a
-   technique that accepts intervals in any order; before that the texel's range, where the technique needs it; or a list
-   that is first counted, then filled, sorted, and made into a curve to which the technique is fitted. Volumes are
-   splatted into slabs perpendicular to the light's axis, which takes one visit of all voxels for plain sums and two for
-   the rest. A light's shadow table is an opacity map whose planes are packed into pairs of 16 bits, and held for the
-   next call; there, only patches of texels are filled whose fingerprints have changed. Cost: occluders times texels
-   under them times components; 4 bytes per texel and component in a band of 64 rows, or 16 per interval in it. */
+   24 Transmittance maps: a light's texels, how they are filled and queried. Each of up to six faces is a grid of rays;
+   u runs from 0 at near_depth to 1 at far_depth along t. Faces of a cube have common rays at their edges, and t is the
+   largest coordinate from the light, so nothing jumps between faces. Opaque surfaces are a separate depth per texel,
+   since they would spoil any technique's fit.
+   A map is filled a row of tiles (a band) at a time. A tile is one task that visits volumes, particles and triangles in
+   order, so that results are identical for any number of workers. Occluders arrive as vectors of intervals. A visit
+   adds them to sums, finds the texels' ranges, or counts, lists and sorts them for a curve to fit. Volumes are splatted
+   into slabs perpendicular to the light's axis: once for plain sums, otherwise twice.
+   A light's shadow table is an opacity map whose planes are packed into pairs of 16 bits. It is cached for the next
+   call, which refills only patches whose fingerprints changed. Cost: occluders times texels under them times
+   components; 4 bytes per texel and component in a band of 64 rows, or 16 per interval. */
 
-#define SPSI_NO_SURFACE 1e30f /* u where there is none: no point is so far behind far_depth */
-#define SPSI_GUARD_BAND 0.05  /* share of the depth range, free at either end of a Fourier series: it is periodic */
+#define SPSI_NO_SURFACE 1e30f /* u where there is none; no point is so far behind far_depth */
+#define SPSI_GUARD_BAND 0.05  /* fraction of the depth range, free at either end: Fourier series are periodic */
 
-/* The occluders of a map, as they were added. */
+/* Occluders as they were added. */
 typedef struct spsi_added {
     spsi_buffer lists[3]; /* volumes, meshes, and sets of particles */
     int counts[3];
 } spsi_added;
 
 typedef struct spsi_tmap_data {
-    spsi_buffer texels;   /* components of each texel, the intervals or nodes of all, or a table's pairs of planes */
-    spsi_buffer starts;   /* of lists: the index of each texel's first item, plus one more for the end */
-    spsi_buffer surfaces; /* u of each texel's first opaque surface; no data: there are no opaque surfaces */
-    spsi_buffer prints;   /* of a shadow table with a key: what its texels are made from, face by face, tile by tile */
+    spsi_buffer texels;   /* components per texel, all intervals or nodes, or a table's pairs of planes */
+    spsi_buffer starts;   /* lists: each texel's first item, and the end */
+    spsi_buffer surfaces; /* u of each texel's first opaque surface; no data: none */
+    spsi_buffer prints;   /* shadow tables with a key: fingerprints per face and tile */
 } spsi_tmap_data;
 
-/* What the texels of a tile of a shadow table are made from, patch by patch. */
+/* Fingerprints of a shadow table's tile, per patch. */
 typedef struct spsi_tile_fingerprints {
-    uint64_t open; /* bit mask of the patches that are filled; the others keep what they held in the last call */
+    uint64_t open; /* mask of patches to fill; the others keep their texels */
     uint64_t patches[64];
 } spsi_tile_fingerprints;
 
 struct sps_tmap {
     sps_context *context;
     const spsi_technique *technique;
-    int light;                  /* index of the light whose shadow_map it is; -1: none */
-    sps_tmap_settings settings; /* with defaults filled in */
-    sps_tmap_settings inner;    /* as the technique's functions see them: without the texel's range */
-    sps_view view;              /* of the light */
+    int light;                  /* light whose shadow_map it is; -1: none */
+    sps_tmap_settings settings; /* defaults filled in */
+    sps_tmap_settings inner;    /* as the technique sees them: without the texel's range */
+    sps_view view;              /* the light's view */
     double matrix[16];          /* its camera's world_to_clip */
-    int has_range;              /* 1: a texel begins with the u of its first and its last occluder */
+    int has_range;              /* 1: a texel begins with the u of its first and last occluder */
     int has_vectors;            /* 1: vectors of texels are looked up at once */
     int face_count, replace_invalid, finished, failed;
-    int waits; /* 1: a light's own map, made for the cells, which a sweep is going to take */
+    int waits; /* 1: a light's own map, made for the cells; a sweep will take it */
     spsi_rays rays[SPSI_CUBE_FACES];
-    float table_end;  /* of a shadow table: the optical depth at which it ends */
-    uint64_t key;     /* of a shadow table: fingerprint of all that it is made from; 0: it is not kept */
-    uint64_t aim;     /* fingerprint of its rays and planes: only tables with the same have the same entries */
-    int updates;      /* 1: its table is that of the last call, which is brought up to date */
+    float table_end;  /* shadow table: optical depth where it ends */
+    uint64_t key;     /* shadow table: fingerprint of all its input; 0: not cached */
+    uint64_t aim;     /* fingerprint of its rays and planes; equal ones have the same entries */
+    int updates;      /* 1: its table is the last call's, to be updated */
     double per_depth; /* 1 / (far - near) */
-    double bias[2];   /* of surfaces, in t: bias[0] + bias[1] * t */
+    double bias[2];   /* surface bias in t: bias[0] + bias[1] * t */
     spsi_buffer planes;
     spsi_added added; /* until the map is finished */
     spsi_tmap_data data;
@@ -13736,20 +13688,20 @@ SPSI_COLD size_t spsi_tmap_texel_count(const sps_tmap *map) {
     return spsi_ray_count(&map->rays[0]) * (size_t)map->face_count;
 }
 
-/* Fingerprints of a tile of a face; NULL: there are none. */
+/* A tile's fingerprints; NULL: none. */
 static spsi_tile_fingerprints *spsi_tmap_fingerprints(const sps_tmap *map, int face, int row, int column) {
     const int columns = spsi_tile_columns(&map->rays[0]), rows = spsi_tile_rows(&map->rays[0]);
     spsi_tile_fingerprints *prints = (spsi_tile_fingerprints *)map->data.prints.data;
     return prints ? prints + ((size_t)face * (size_t)rows + (size_t)row) * (size_t)columns + column : NULL;
 }
 
-/* Bit mask of the patches of a tile that a face's texels lie in. */
+/* Mask of a tile's patches that contain texels. */
 static uint64_t spsi_tmap_patches(const sps_tmap *map, int row, int column) {
     return spsi_patch_box(0, 0, map->rays[0].width - 1 - column * SPSI_TILE_WIDTH,
                           map->rays[0].height - 1 - row * SPSI_TILE_HEIGHT);
 }
 
-/* The number of items of a map made from lists. */
+/* Items of a map made from lists. */
 SPSI_COLD size_t spsi_tmap_item_count(const sps_tmap *map) {
     return ((const uint32_t *)map->data.starts.data)[spsi_tmap_texel_count(map)];
 }
@@ -13758,11 +13710,11 @@ static const float *spsi_tmap_texel(const sps_tmap *map, size_t index) {
     return (const float *)map->data.texels.data + index * (size_t)map->settings.components;
 }
 
-/* Optical depth of gas before u in a vector of texels, where the technique has a function for these. */
+/* Optical depth of gas before u, for techniques with vector lookups. */
 static spsi_v spsi_tmap_texels_depths(const sps_tmap *map, const spsi_texels *texels, spsi_v u) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
     spsi_texels inner = *texels;
-    if (!map->technique->optical_depths) return zero; /* it holds no gas */
+    if (!map->technique->optical_depths) return zero; /* no gas */
     if (!map->has_range) return map->technique->optical_depths(&map->inner, texels, u);
     const spsi_v first = spsi_texels_at(texels, zero), length = spsi_sub(spsi_texels_at(texels, one), first);
     spsi_v within = spsi_div(spsi_sub(u, first), spsi_max(length, spsi_set(FLT_MIN)));
@@ -13806,7 +13758,7 @@ static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float b
     }
 }
 
-/* The four texels around a point, for a bilinear lookup. */
+/* Four texels around a point, for bilinear lookup. */
 typedef struct spsi_tmap_quad {
     int column[2], row[2]; /* rows of all faces, one below the other */
     double weight[4], t;
@@ -13817,8 +13769,7 @@ static size_t spsi_quad_texel(const sps_tmap *map, const spsi_tmap_quad *quad, i
     return (size_t)quad->row[i >> 1] * (size_t)map->rays[0].width + (size_t)quad->column[i & 1];
 }
 
-/* Finds the texels around a point. Returns 0 outside of the map, before near_depth, and for a point that is not
-   finite. */
+/* Finds the texels around a point. Returns 0 outside of the map, before near_depth, or if not finite. */
 static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_tmap_quad *quad) {
     const int width = map->rays[0].width, height = map->rays[0].height;
     double q[3], offset[3];
@@ -13832,7 +13783,7 @@ static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_tma
     quad->t = q[2];
     quad->u = (float)spsi_dmin((q[2] - map->settings.near_depth) * map->per_depth, 1);
     if (!(quad->u >= 0) || (map->rays[face].perspective && !(q[2] > 0))) return 0;
-    if (map->face_count > 1) /* round-off must not lead out of the face */
+    if (map->face_count > 1) /* round-off must not leave the face */
         q[0] = spsi_dmin(spsi_dmax(q[0], 0), width - 1), q[1] = spsi_dmin(spsi_dmax(q[1], 0), height - 1);
     if (!(q[0] >= -0.5 && q[1] >= -0.5 && q[0] <= width - 0.5 && q[1] <= height - 0.5)) return 0;
     x = (int)floor(q[0]);
@@ -13845,10 +13796,10 @@ static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_tma
     return 1;
 }
 
-/* The bilinear share of the four texels whose surfaces do not lie before the point. */
+/* Bilinear weight of texels without a surface before the point. */
 static double spsi_tmap_lit(const sps_tmap *map, const spsi_tmap_quad *quad) {
     const double bias = (map->bias[0] + map->bias[1] * quad->t) * map->per_depth;
-    const double u = (quad->t - map->settings.near_depth) * map->per_depth; /* not clamped: may lie behind far_depth */
+    const double u = (quad->t - map->settings.near_depth) * map->per_depth; /* not clamped: may exceed 1 */
     const float *surfaces = (const float *)map->data.surfaces.data;
     double lit = 0, sum = 0;
     if (!surfaces) return 1;
@@ -13859,12 +13810,12 @@ static double spsi_tmap_lit(const sps_tmap *map, const spsi_tmap_quad *quad) {
     return lit < sum ? lit / sum : 1;
 }
 
-/* The same for a vector of points; those outside of the map have no weights. */
+/* Texels around a vector of points; weights are 0 outside of the map. */
 typedef struct spsi_tmap_quads {
     spsi_v column[2], row[2], weight[4], u;
 } spsi_tmap_quads;
 
-/* The same for any technique, one texel at a time; texels without weight are skipped. */
+/* Lookup for any technique, texel by texel; weight 0 is skipped. */
 static spsi_v spsi_tmap_each_optical_depth(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
     float columns[SPSI_LANES], rows[SPSI_LANES], us[SPSI_LANES], weights[SPSI_LANES];
     spsi_store(columns, column);
@@ -13879,12 +13830,12 @@ static spsi_v spsi_tmap_each_optical_depth(const sps_tmap *map, spsi_v column, s
 }
 
 #define SPSI_SHADOW_TABLE_SIDE                                                                                         \
-    4 /* texels on a side of a block: a plane of it is 64 bytes, which are fetched together */
+    4 /* side of a block in texels: a plane of a block is 64 bytes, fetched together */
 #define SPSI_SHADOW_TABLE_TEXELS      (SPSI_SHADOW_TABLE_SIDE * SPSI_SHADOW_TABLE_SIDE)
-#define SPSI_SHADOW_TABLE_MOST        65535.0f   /* stands for the optical depth at which a table ends */
-#define SPSI_SHADOW_TABLE_BLOCKS_MOST 16777216.0 /* planes of blocks, which floats count */
+#define SPSI_SHADOW_TABLE_MOST        65535.0f   /* code of optical depth table_end */
+#define SPSI_SHADOW_TABLE_BLOCKS_MOST 16777216.0 /* planes of blocks, counted by floats */
 
-/* Blocks along a row of a table, and all of them, faces one below the other. */
+/* Blocks along a row; all blocks, faces one below the other. */
 static int spsi_shadow_table_columns(const sps_tmap *map) {
     return (map->rays[0].width + SPSI_SHADOW_TABLE_SIDE - 1) / SPSI_SHADOW_TABLE_SIDE;
 }
@@ -13894,8 +13845,8 @@ SPSI_COLD double spsi_shadow_table_blocks(const sps_tmap *map) {
     return (double)spsi_shadow_table_columns(map) * rows;
 }
 
-/* Optical depth before u in texels of a table, between planes k - 1 and k of u = (k + 1) / n; plane -1, at u = 0, is 0.
-   Item k of a texel holds both, in steps. A block has its texels row by row. */
+/* Optical depth before u in texels of a table. Plane k lies at u = (k + 1) / n; plane -1, at u = 0, is 0. Item k packs
+   the steps of planes k - 1 and k. A block stores its texels row by row. */
 static inline spsi_v spsi_shadow_table_at(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
     const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(u, planes);
     const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1)));
@@ -13909,7 +13860,7 @@ static inline spsi_v spsi_shadow_table_at(const sps_tmap *map, spsi_v column, sp
     return spsi_mul(spsi_mix(pair[0], pair[1], spsi_sub(at, k)), spsi_set(map->table_end / SPSI_SHADOW_TABLE_MOST));
 }
 
-/* Optical depth of gas before u in a vector of texels of any map. */
+/* Optical depth of gas before u in texels of any map. */
 static spsi_v spsi_tmap_texel_optical_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
     const float components = (float)map->settings.components;
     const spsi_texels texels = {(const float *)map->data.texels.data, map->rays[0].width * map->settings.components,
@@ -13919,8 +13870,8 @@ static spsi_v spsi_tmap_texel_optical_depths(const sps_tmap *map, spsi_v column,
                             : spsi_tmap_each_optical_depth(map, column, row, u, weight);
 }
 
-/* Optical depth of gas at up to SPSI_LANES world points (packed triples), located in double precision, and the shares
-   of light that surfaces let through. */
+/* Optical depth of gas, and transmittance of surfaces, at up to SPSI_LANES world points (packed triples), located in
+   double precision. */
 static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, float *depths, double *lit) {
     float column[4 * SPSI_LANES] = {0}, row[4 * SPSI_LANES] = {0}, u[4 * SPSI_LANES] = {0};
     float weight[4 * SPSI_LANES] = {0}, depth[4 * SPSI_LANES];
@@ -13946,13 +13897,12 @@ static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, f
     }
 }
 
-/* Makes world offsets from the light x and y in texels, and t relative to near_depth, as seen by the rays of the one of
-   six faces that each lies in, whose numbers are returned. */
+/* Converts world offsets from a light with six faces to texel coordinates and t - near_depth. Returns the faces. */
 static spsi_v spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], spsi_v seen[3]) {
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), last = spsi_set((float)map->rays[0].width - 1);
     const spsi_v x = spsi_abs(offset[0]), y = spsi_abs(offset[1]), z = spsi_abs(offset[2]);
     const spsi_m is_y = spsi_less(x, y), is_z = spsi_less(spsi_max(x, y), z);
-    spsi_v axes[3], per_distance, face; /* axes: along the face's axis, and along the two after it */
+    spsi_v axes[3], per_distance, face; /* along the face's axis, and the two after it */
     for (int i = 0; i < 3; ++i)
         axes[i] = spsi_select(is_z, offset[(i + 2) % 3], spsi_select(is_y, offset[(i + 1) % 3], offset[i]));
     per_distance = spsi_div(half, spsi_max(spsi_abs(axes[0]), spsi_set(FLT_MIN * 16)));
@@ -13962,9 +13912,8 @@ static spsi_v spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], s
     return spsi_add(face, spsi_select(spsi_less(axes[0], zero), spsi_set(1), zero));
 }
 
-/* Finds the texels around a vector of points: world offsets from the light of six faces, otherwise the coordinates of
-   the map's only rays, before any division, t being relative to near_depth. Floats are precise enough within an
-   image. */
+/* Finds the texels around points: world offsets from a light with six faces, else undivided ray coordinates, t relative
+   to near_depth. Floats are precise enough within an image. */
 static void spsi_quads_build(const sps_tmap *map, const spsi_v q[3], spsi_tmap_quads *quads) {
     const float size[2] = {(float)map->rays[0].width, (float)map->rays[0].height};
     const spsi_v zero = spsi_set(0), one = spsi_set(1), per_depth = spsi_set((float)map->per_depth);
@@ -13976,7 +13925,7 @@ static void spsi_quads_build(const sps_tmap *map, const spsi_v q[3], spsi_tmap_q
         const spsi_v scale = spsi_div(one, spsi_max(distance, spsi_set(FLT_MIN * 16)));
         for (int i = 0; i < 2; ++i) seen[i] = spsi_mul(q[i], scale);
     }
-    /* allows for round-off; what lies behind the light also lies before near_depth */
+    /* tolerates round-off; points behind the light also lie before near_depth */
     spsi_m inside = spsi_less(spsi_set(-1e-6f), spsi_mul(seen[2], per_depth));
     for (int k = 0; k < 2; ++k) {
         const spsi_v x = spsi_clamp(seen[k], spsi_set(-1), spsi_set(size[k])), first = spsi_floor(x);
@@ -13993,8 +13942,8 @@ static void spsi_quads_build(const sps_tmap *map, const spsi_v q[3], spsi_tmap_q
     quads->u = spsi_clamp(spsi_mul(seen[2], per_depth), zero, one);
 }
 
-/* Optical depth of gas at a vector of points in these coordinates. Each of the four texels is evaluated at the point's
-   own u, rather than the result interpolated between their depths. */
+/* Optical depth of gas at points, in the coordinates of spsi_quads_build. Each of the four texels is evaluated at the
+   point's own u. */
 static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
     spsi_v sum = spsi_set(0);
     spsi_tmap_quads quads;
@@ -14006,7 +13955,7 @@ static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
     return spsi_min(sum, spsi_set(SPSI_DEPTH_MAX));
 }
 
-/* Optical depth, surfaces included, from that of gas and the share that surfaces let through. */
+/* Optical depth of gas and surfaces; `lit`: the surfaces' transmittance. */
 static double spsi_optical_depth_with_surfaces(double depth, double lit) {
     return lit > 0 ? spsi_dmin(depth - log(lit), (double)SPSI_DEPTH_MAX) : (double)SPSI_DEPTH_MAX;
 }
@@ -14030,7 +13979,6 @@ static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], dou
 
 typedef enum spsi_visit { SPSI_VISIT_RANGE, SPSI_VISIT_SUMS, SPSI_VISIT_COUNT, SPSI_VISIT_LIST } spsi_visit;
 
-/* Everything needed to splat volumes into a face. */
 typedef struct spsi_map_volumes {
     spsi_slabs slabs;
     spsi_target target;
@@ -14038,27 +13986,27 @@ typedef struct spsi_map_volumes {
     spsi_light_shader shader;
 } spsi_map_volumes;
 
-/* The occluders that all faces of a map are made from. */
+/* Occluders of all faces. */
 typedef struct spsi_occluders {
     const spsi_frame *frame;
     spsi_faces faces;
-    const spsi_sphere *spheres;                 /* for the current face */
-    const uint32_t *tile_starts, *tile_spheres; /* of each tile, plus one more; tile_balls NULL: all, for every tile */
-    int *boxes;                               /* of triangles, in texels of the current face */
+    const spsi_sphere *spheres;                 /* on the current face */
+    const uint32_t *tile_starts, *tile_spheres; /* per tile, and the end; tile_spheres NULL: each tile visits all */
+    int *boxes;                               /* triangles' bounds in texels of the current face */
     spsi_map_volumes *volumes;                /* NULL: none */
-    int coarse;                               /* 1: texels are meant to be wider than classified voxels */
+    int coarse;                               /* 1: texels may be wider than classified voxels */
     spsi_call_stage part;
 } spsi_occluders;
 
-/* A row of tiles that is being filled. */
+/* A row of tiles. */
 typedef struct spsi_band {
     int face, row, tiles_x;
-    size_t first_texel;       /* of the map */
+    size_t first_texel;       /* number in the map */
     float *ranges, *sums;     /* tile after tile */
-    uint32_t *starts;         /* per texel, plus one more: its first interval */
-    uint32_t *cursors;        /* per texel: the number of its intervals, or where the next one goes */
-    spsi_interval *intervals; /* of all its texels */
-    uint32_t most;            /* maximum number of intervals in a texel */
+    uint32_t *starts;         /* per texel, and the end: first interval */
+    uint32_t *cursors;        /* per texel: number of intervals, or where the next goes */
+    spsi_interval *intervals; /* all texels' intervals */
+    uint32_t most;            /* greatest number of intervals in a texel */
 } spsi_band;
 
 typedef struct spsi_filling {
@@ -14067,22 +14015,21 @@ typedef struct spsi_filling {
     const spsi_occluders *occluders;
     spsi_band band;
     spsi_visit visit;
-    int pieces;    /* maximum number that a soft particle is cut into */
-    float epsilon; /* of a compressed map, except for what soft pieces use up */
-    int has_sizes; /* 1: the number of items of each texel is known; nodes replace its intervals where they fit */
-    float *scratch; /* scratch_floats per worker: intervals to sort, a curve, and the nodes made of it */
+    int pieces;    /* greatest number of pieces of a soft particle */
+    float epsilon; /* compressed map: error tolerance without soft pieces */
+    int has_sizes; /* 1: numbers of items are known; nodes replace intervals where they fit */
+    float *scratch; /* scratch_floats per worker: intervals to sort, curve, nodes */
     size_t scratch_floats;
     double slab_u, u_per_slab; /* u of the plane before slab k: slab_u + k u_per_slab */
-    double light_u;            /* of the light's own position, or -infinity */
+    double light_u;            /* the light's position, or -infinity */
     double progress;
 } spsi_filling;
 
-/* A tile's texels. Its sums are `components` planes of width x height floats plus one vector, so that a vector that
-   reaches beyond the last row overwrites nothing. */
+/* A tile's texels. Sums are `components` planes of width x height floats, plus a vector that stores may overrun. */
 typedef struct spsi_map_tile {
     const spsi_filling *filling;
     int x0, y0, width, height;
-    uint64_t open; /* bit mask of the patches that are filled */
+    uint64_t open; /* mask of patches to fill */
     size_t stride;
     float *ranges, *sums;
 } spsi_map_tile;
@@ -14091,7 +14038,6 @@ static int spsi_filling_height(const spsi_filling *filling) {
     return spsi_imin(SPSI_TILE_HEIGHT, filling->map->rays[0].height - filling->band.row * SPSI_TILE_HEIGHT);
 }
 
-/* Number of floats of a band with `components` components. */
 SPSI_COLD size_t spsi_band_floats(const sps_tmap *map, int components) {
     const size_t tiles = (size_t)spsi_tile_columns(&map->rays[0]);
     const size_t height = (size_t)spsi_imin(SPSI_TILE_HEIGHT, map->rays[0].height);
@@ -14113,12 +14059,12 @@ static void spsi_map_tile_place(const spsi_filling *filling, int column, spsi_ma
     into->sums = filling->band.sums ? filling->band.sums + (size_t)filling->map->inner.components * before : NULL;
 }
 
-/* Whether any patch of a box of texels is filled. */
+/* True if any patch of a box of texels is filled. */
 static int spsi_map_tile_is_open(const spsi_map_tile *into, int x0, int y0, int x1, int y1) {
     return (into->open & spsi_patch_box(x0 - into->x0, y0 - into->y0, x1 - into->x0, y1 - into->y0)) != 0;
 }
 
-/* The number of a texel in its map. */
+/* A texel's number in the map. */
 static size_t spsi_map_tile_texel(const spsi_map_tile *into, int x, int y) {
     const spsi_rays *rays = &into->filling->map->rays[0];
     return ((size_t)into->filling->band.face * (size_t)rays->height + (size_t)y) * (size_t)rays->width + (size_t)x;
@@ -14133,12 +14079,11 @@ static void spsi_insert_range(const spsi_map_tile *into, size_t at, const spsi_i
     spsi_store(into->ranges + into->stride + at, spsi_select(some, spsi_max(last, u1), last));
 }
 
-/* Limits of how far intervals may reach beyond 0..1: in u, so that lengths stay finite; and in their texel's range,
-   which may be tiny, where going farther makes no difference. */
+/* Limits of intervals beyond 0..1: of u, so that lengths stay finite; relative to a range, which may be tiny. */
 #define SPSI_INTERVAL_REACH 1e30
 #define SPSI_RANGE_REACH    1e6f
 
-/* Makes u relative to the texel's range; ends that lie outside of 0..1 stay outside. */
+/* Makes u relative to the texel's range; ends outside of 0..1 stay outside. */
 static void spsi_intervals_within(const spsi_map_tile *into, size_t at, spsi_intervals *intervals) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), first = spsi_load(into->ranges + at);
     const spsi_v length = spsi_sub(spsi_load(into->ranges + into->stride + at), first);
@@ -14167,12 +14112,12 @@ static void spsi_insert_list(const spsi_map_tile *into, int x, int y, const spsi
     }
 }
 
-/* Whether a visit finds the texels' ranges. A single plane, behind all, needs none before, and saves a visit. */
+/* True if a visit finds the texels' ranges. A single plane, behind all, needs none beforehand, which saves a visit. */
 static int spsi_finds_ranges(const spsi_filling *filling) {
     return filling->visit == SPSI_VISIT_RANGE || (filling->map->has_range && filling->map->inner.components == 1);
 }
 
-/* Inserts intervals into a tile's texels from (x, y) on; in texels beyond its edge, depth must be 0. */
+/* Inserts intervals from (x, y) on; depth must be 0 beyond the tile's edge. */
 static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_intervals *intervals) {
     const spsi_filling *filling = into->filling;
     const size_t at = (size_t)((y - into->y0) * into->width + (x - into->x0));
@@ -14190,15 +14135,14 @@ static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_inte
 
 /* --- particles --- */
 
-/* Inserts an interval into one texel. */
 static void spsi_insert_one(const spsi_map_tile *into, int x, int y, const spsi_interval *interval) {
     const spsi_v depth = spsi_select(spsi_less(spsi_iota(), spsi_set(0.5f)), spsi_set(interval->depth), spsi_set(0));
     const spsi_intervals one = {spsi_set(interval->u0), spsi_set(interval->u1), depth, interval->soft};
     if (interval->depth > 0) spsi_insert(into, x, y, &one);
 }
 
-/* Inserts the part of a soft interval between two positions as points: good to 1e-6 for moments and Fourier series,
-   since no part is longer than a sixth of a wave. */
+/* Inserts part of a soft interval as points. Error 1e-6 for moments and Fourier series: three Gauss points per sixth of
+   a wave. */
 static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const spsi_interval *interval, double from,
                                double to) {
     const sps_tmap *map = into->filling->map;
@@ -14214,7 +14158,7 @@ static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const sp
     }
 }
 
-/* Inserts a clipped interval in parts, for techniques that need this: what lies before 0 or behind 1 counts there. */
+/* Inserts a clipped interval in parts: beyond 0 or 1, it counts at that end. */
 static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const spsi_interval *interval) {
     const float from = spsi_fmax(spsi_fmin(interval->u0, 1), 0), to = spsi_fmax(spsi_fmin(interval->u1, 1), 0);
     const float before = spsi_interval_fraction(interval, from), until = spsi_interval_fraction(interval, to);
@@ -14229,9 +14173,8 @@ static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const sps
     spsi_insert_one(into, x, y, &back);
 }
 
-/* Inserts a chord that contains the light, or is clipped otherwise and has to be inserted in parts. `in_t`: its middle
-   and half length in t, and its optical depth. What lies before the light does not count: the rest is the last part of
-   a chord. */
+/* Inserts a chord that contains the light or needs parts. `in_t`: middle and half length in t, optical depth. Only the
+   part after the light counts. */
 static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, const float in_t[3]) {
     const spsi_filling *filling = into->filling;
     const double per_t = filling->map->per_depth, light = filling->light_u;
@@ -14248,8 +14191,7 @@ static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, c
         spsi_insert_one(into, x, y, &rest);
 }
 
-/* Inserts chords of which some reach beyond 0..1. Those that contain the light, and all clipped ones where a technique
-   needs these in parts, are inserted one by one; the rest together. */
+/* Inserts chords that may reach beyond 0..1: singly if they contain the light or need parts, the rest together. */
 static void spsi_insert_cut_chords(const spsi_map_tile *into, int soft, int x, int y, const spsi_chord *chord,
                                    spsi_intervals *intervals) {
     const int parts = into->filling->map->technique->points;
@@ -14272,7 +14214,7 @@ static void spsi_insert_cut_chords(const spsi_map_tile *into, int soft, int x, i
     spsi_insert(into, x, y, intervals);
 }
 
-/* Inserts a vector of a ball's texels in a row, from x on. */
+/* Inserts a sphere's chords in a vector of texels. */
 static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sphere, int x, int y, int last) {
     const spsi_filling *filling = into->filling;
     const spsi_v per_t = spsi_set((float)filling->map->per_depth), zero = spsi_set(0), one = spsi_set(1);
@@ -14298,22 +14240,21 @@ static void spsi_insert_sphere(const spsi_map_tile *into, const spsi_sphere *sph
         for (int x = x0; x <= x1; x += SPSI_LANES) spsi_insert_chords(into, sphere, x, y, x1);
 }
 
-/* Number of balls that a tile may meet. */
+/* Number of spheres that a tile may meet. */
 static uint32_t spsi_tile_sphere_count(const spsi_occluders *occluders, int tile) {
     if (!occluders->spheres) return 0;
     if (occluders->tile_spheres) return occluders->tile_starts[tile + 1] - occluders->tile_starts[tile];
     return (uint32_t)occluders->frame->content->particle_count;
 }
 
-/* The number of the i-th of them. */
+/* Number of a tile's i-th sphere. */
 static uint32_t spsi_tile_sphere(const spsi_occluders *occluders, int tile, uint32_t i) {
     return occluders->tile_spheres ? occluders->tile_spheres[occluders->tile_starts[tile] + i] : i;
 }
 
 /* --- triangles --- */
 
-/* Inserts a triangle into a tile: as a sheet without thickness or, if it is opaque, as the nearest surface of its
-   texels. */
+/* Inserts a triangle: as a sheet without thickness or, if opaque, as the texels' nearest surface. */
 static void spsi_insert_triangle(const spsi_map_tile *into, int number) {
     const spsi_filling *filling = into->filling;
     const sps_tmap *map = filling->map;
@@ -14330,7 +14271,7 @@ static void spsi_insert_triangle(const spsi_map_tile *into, int number) {
             if (!spsi_face_hit(&edges, x, y, w)) continue;
             t = w[0] * edges.depth[0] + w[1] * edges.depth[1] + w[2] * edges.depth[2];
             if (rays->perspective && !(t + rays->depth_reference > 0)) continue;
-            u = t * map->per_depth; /* surfaces may lie before near_depth and behind far_depth */
+            u = t * map->per_depth; /* may lie outside of 0..1 */
             if (!opaque) {
                 const float at = (float)spsi_dmin(spsi_dmax(u, 0), 1);
                 const spsi_interval sheet = {at, at, depth, 0};
@@ -14366,7 +14307,7 @@ static void spsi_fill_task(void *data, int index) {
 
 /* --- volumes --- */
 
-/* Inserts the slabs of a chunk that a tile's voxels were splatted into, as intervals. */
+/* Inserts a chunk's slabs as intervals. */
 static void spsi_insert_slabs(const spsi_map_tile *into, const spsi_tile *tile) {
     const spsi_filling *filling = into->filling;
     const spsi_map_volumes *volumes = filling->occluders->volumes;
@@ -14430,8 +14371,7 @@ static void spsi_clear_task(void *data, int index) {
     memset(into.sums, 0, (size_t)map->inner.components * into.stride * sizeof(float));
 }
 
-/* Writes the planes of a texel of a shadow table; `y` counts rows of all faces. Plane k of its sums is at sums[k *
-   stride]. */
+/* Packs a texel's planes. `y` counts rows of all faces; plane k is at sums[k * stride]. */
 static void spsi_shadow_table_store(const sps_tmap *map, int x, int y, const float *sums, size_t stride) {
     const int planes = map->settings.components, side = SPSI_SHADOW_TABLE_SIDE;
     const size_t block = (size_t)(y / side) * (size_t)spsi_shadow_table_columns(map) + (size_t)(x / side);
@@ -14448,7 +14388,6 @@ static void spsi_shadow_table_store(const sps_tmap *map, int x, int y, const flo
     }
 }
 
-/* Writes a tile's sums to its texels. */
 static void spsi_store_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
     const sps_tmap *map = filling->map;
@@ -14473,7 +14412,7 @@ static void spsi_store_task(void *data, int index) {
     }
 }
 
-/* One parallel visit of all occluders to a band. */
+/* Visits all occluders of a band. */
 SPSI_COLD sps_result spsi_fill_band(spsi_filling *filling, spsi_visit visit) {
     filling->visit = visit;
     if (spsi_progress(filling->context, filling->progress)) return filling->context->result;
@@ -14498,7 +14437,7 @@ SPSI_COLD sps_result spsi_fill_sums(spsi_filling *filling) {
 
 /* --- lists --- */
 
-/* Counts the band's intervals, lists them, and finds the maximum number in a texel. */
+/* Counts the band's intervals, then lists them. */
 SPSI_COLD sps_result spsi_fill_lists(spsi_filling *filling) {
     sps_context *context = filling->context;
     const size_t texels = (size_t)filling->map->rays[0].width * (size_t)spsi_filling_height(filling);
@@ -14523,14 +14462,14 @@ SPSI_COLD sps_result spsi_fill_lists(spsi_filling *filling) {
     return spsi_fill_band(filling, SPSI_VISIT_LIST);
 }
 
-/* A worker's memory for fitting: intervals, a curve, and compressed nodes. */
+/* A worker's memory for fitting. */
 typedef struct spsi_fitting {
     const spsi_filling *filling;
     spsi_interval *intervals;
     spsi_node *curve, *nodes;
 } spsi_fitting;
 
-/* Lays out a worker's memory, or counts only. Returns its floats. A deep map's lists are only sorted. */
+/* Lays out a worker's memory, or only counts its floats. Deep maps only sort. */
 static size_t spsi_fitting_lay_out(const spsi_filling *filling, float *memory, spsi_fitting *fitting) {
     const int sorts_only = filling->map->settings.technique == SPS_TMAP_DEEP;
     const uint64_t most = filling->band.most, pieces = (uint64_t)filling->pieces;
@@ -14547,7 +14486,7 @@ static size_t spsi_fitting_lay_out(const spsi_filling *filling, float *memory, s
     return laid;
 }
 
-/* Computes the nodes of a compressed map's texel, whose list is sorted; returns their number. */
+/* Fits a sorted list; returns the number of nodes. */
 static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_interval *list, uint32_t count) {
     const spsi_filling *filling = fitting->filling;
     const int most = filling->map->settings.components / 2;
@@ -14559,7 +14498,7 @@ static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_inte
     return (uint32_t)nodes;
 }
 
-/* Sorts a texel's list, and turns it into what the technique keeps, the number of whose items is in `cursors`. */
+/* Sorts and fits a texel's list; `cursors` receives the number of items. */
 static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
     const size_t in_band = texel - filling->band.first_texel;
@@ -14575,7 +14514,7 @@ static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     }
 }
 
-/* Makes a texel's items once more, at their final place: they did not fit into its list. */
+/* Moves a texel's items to their final place; fits again if they did not fit into the list. */
 static void spsi_fit_again(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
     const size_t in_band = texel - filling->band.first_texel, item = filling->map->technique->lists;
@@ -14589,7 +14528,7 @@ static void spsi_fit_again(const spsi_fitting *fitting, size_t texel) {
            bytes);
 }
 
-/* Fits the texels of one row of a tile: a whole tile would take too long where lists are long. */
+/* Fits a row of a tile; a whole tile could take too long. */
 static void spsi_fit_task(void *data, int index, int worker) {
     const spsi_filling *filling = (const spsi_filling *)data;
     spsi_fitting fitting;
@@ -14613,7 +14552,7 @@ SPSI_COLD sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) 
     return spsi_fail_member(&at, SPS_ERROR_MEMORY, "byte_budget", (double)map->settings.byte_budget, rule);
 }
 
-/* Makes room for the items of a band, whose numbers are in `cursors`. */
+/* Reserves a band's items, counted in `cursors`. */
 SPSI_COLD sps_result spsi_append_band(spsi_filling *filling) {
     sps_tmap *map = filling->map;
     const size_t texels = (size_t)map->rays[0].width * (size_t)spsi_filling_height(filling);
@@ -14638,7 +14577,7 @@ SPSI_COLD sps_result spsi_fill_fits(spsi_filling *filling) {
     if (spsi_fill_lists(filling)) return context->result;
     filling->pieces = has_soft ? map->settings.components > 0 ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
     filling->epsilon = map->settings.epsilon * (has_soft ? 0.75f : 1); /* the rest is for soft pieces */
-    /* the error that brackets allow for */
+    /* error that bounds allow for */
     filling->map->inner.epsilon = spsi_fmax(map->settings.epsilon, has_soft ? SPSI_SOFT_EPSILON : SPSI_EPSILON_MIN);
     if (filling->band.most > INT32_MAX / (4 * (SPSI_SOFT_MOST + 1)) && map->settings.technique != SPS_TMAP_DEEP)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "intervals in a texel",
@@ -14658,16 +14597,16 @@ SPSI_COLD sps_result spsi_fill_fits(spsi_filling *filling) {
 
 /* --- particles into tiles --- */
 
-/* Number of depth steps by which particles are sorted; more would not shorten the sorting that remains. */
+/* Depth steps of the counting sort; more would not shorten later sorting. */
 #define SPSI_DEPTH_STEPS 4096
 
 typedef struct spsi_sphere_job {
     const spsi_rays *rays;
-    const spsi_rays *faces; /* of a cube, in all of which a particle has one mass; NULL: there is only one face */
+    const spsi_rays *faces; /* all cube faces, on which a particle has one mass; NULL: one face */
     const spsi_frame *frame;
     double near_depth, steps_per_depth;
-    uint32_t *order; /* of particles; NULL: in their own order */
-    uint16_t *steps; /* the depth step, from near_depth on, at which each particle begins */
+    uint32_t *order; /* NULL: unsorted */
+    uint16_t *steps; /* depth step where each particle begins */
     spsi_sphere *spheres;
 } spsi_sphere_job;
 
@@ -14685,8 +14624,7 @@ SPSI_COLD size_t spsi_spheres_order_bytes(size_t particles) {
     return (SPSI_DEPTH_STEPS + 1) * sizeof(uint32_t) + particles * (sizeof(uint32_t) + sizeof(uint16_t));
 }
 
-/* Sorts particles into the order in which light meets them (a counting sort), so that the lists of all texels are
-   nearly sorted already. */
+/* Sorts particles by depth, so that texels' lists are nearly sorted. */
 SPSI_COLD sps_result spsi_spheres_order(sps_context *context, spsi_sphere_job *job) {
     const int count = job->frame->content->particle_count;
     job->order =
@@ -14712,12 +14650,12 @@ static void spsi_spheres_task(void *data, int i) {
                       &job->spheres[i]);
 }
 
-#define SPSI_OUTSIDE 1e-3 /* share of a map's depth range: reaching less beyond it is negligible */
+#define SPSI_OUTSIDE 1e-3 /* negligible reach beyond the depth range, as its fraction */
 
-/* Average number of tiles per ball above which no lists are made: such balls cover much of a map anyway. */
+/* Average tiles per sphere above which no lists are made: such spheres cover much of a map. */
 #define SPSI_SPHERE_TILES 8
 
-/* Counts the balls of each tile in `starts`; or, if there is a list, stores them at `starts`, which are advanced. */
+/* Counts each tile's spheres in `starts`. With a list: stores them and advances `starts`. */
 SPSI_COLD void spsi_spheres_into_tiles(const spsi_sphere *spheres, size_t count, int tiles_x, uint32_t *starts,
                                        uint32_t *list) {
     for (size_t i = 0; i < count; ++i) {
@@ -14732,8 +14670,7 @@ SPSI_COLD void spsi_spheres_into_tiles(const spsi_sphere *spheres, size_t count,
     }
 }
 
-/* Counts the balls that reach beyond the map's depth range; with six faces, on the face through which the centre is
-   seen. */
+/* Counts spheres that reach beyond the depth range; on a cube, on the centre's face only. */
 SPSI_COLD void spsi_spheres_outside(sps_tmap *map, const spsi_rays *rays, const spsi_sphere *spheres, size_t count) {
     const double per_length = rays->per_length;
     const double light = rays->perspective ? -map->settings.near_depth * map->per_depth : -HUGE_VAL;
@@ -14741,7 +14678,7 @@ SPSI_COLD void spsi_spheres_outside(sps_tmap *map, const spsi_rays *rays, const 
         const spsi_sphere *sphere = &spheres[i];
         const double radius = sphere->near_by ? (double)sphere->world_radius * per_length : (double)sphere->radius;
         const double low =
-            spsi_dmax(((double)sphere->t - radius) * map->per_depth, light); /* behind the light, none is lost */
+            spsi_dmax(((double)sphere->t - radius) * map->per_depth, light); /* nothing is lost behind the light */
         const double high = ((double)sphere->t + radius) * map->per_depth;
         double offset[3];
         if (sphere->x1 < sphere->x0 || sphere->y1 < sphere->y0 || (low > -SPSI_OUTSIDE && high < 1 + SPSI_OUTSIDE))
@@ -14752,8 +14689,7 @@ SPSI_COLD void spsi_spheres_outside(sps_tmap *map, const spsi_rays *rays, const 
     }
 }
 
-/* Builds the particles as a face's rays see them, sorted by depth if the technique needs lists, and lists those of each
-   tile. */
+/* Projects particles onto a face and bins them by tile, sorted by depth if the technique needs lists. */
 static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi_occluders *occluders) {
     sps_context *context = map->context;
     const int tiles_x = spsi_tile_columns(rays);
@@ -14783,7 +14719,7 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     uint32_t *list = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_SPHERE_LIST, (size_t)sum, sizeof *list);
     if (!list) return context->result;
     spsi_spheres_into_tiles(job.spheres, count, tiles_x, starts, list);
-    memmove(starts + 1, starts, tiles * sizeof *starts); /* each was advanced to where the next begins */
+    memmove(starts + 1, starts, tiles * sizeof *starts); /* each was advanced to the next one's begin */
     starts[0] = 0;
     occluders->tile_starts = starts;
     occluders->tile_spheres = list;
@@ -14792,7 +14728,7 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
 
 /* --- a face of a map, and its slabs --- */
 
-/* Slabs perpendicular to a face's axis, for the volumes of a frame; here particles are not part of sheets. */
+/* Slabs perpendicular to a face's axis, without particles. */
 SPSI_COLD sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                      spsi_slabs *slabs) {
     const spsi_bounds own = frame->content->bounds;
@@ -14810,7 +14746,6 @@ SPSI_COLD sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *fra
     return context->result;
 }
 
-/* Prepares the splatting of volumes into a face. */
 SPSI_COLD sps_result spsi_map_volumes_build(sps_context *context, const spsi_occluders *occluders,
                                             const spsi_rays *rays) {
     const spsi_frame *frame = occluders->frame;
@@ -14824,9 +14759,9 @@ SPSI_COLD sps_result spsi_map_volumes_build(sps_context *context, const spsi_occ
     return spsi_contents_build(context, target, NULL, &volumes->contents);
 }
 
-/* --- what a table's texels are made from --- */
+/* --- fingerprints of a table's input --- */
 
-/* A hash of what a voxel's optical depth is made from, except for its value. */
+/* Hash of all that determines a voxel's optical depth except its value. */
 static uint64_t spsi_medium_fingerprint(const spsi_frame *frame, int i) {
     const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
     uint64_t hash = SPSI_FINGERPRINT_START;
@@ -14838,7 +14773,7 @@ static uint64_t spsi_medium_fingerprint(const spsi_frame *frame, int i) {
     return hash;
 }
 
-/* A hash of how particles of a set become balls. */
+/* Hash of how a set's particles become spheres. */
 static uint64_t spsi_set_fingerprint(uint64_t hash, const spsi_particle_set *set) {
     hash = spsi_fingerprint(hash, &set->soft, sizeof set->soft);
     return spsi_fingerprint(hash, &set->given.is_extinction, sizeof set->given.is_extinction);
@@ -14846,11 +14781,11 @@ static uint64_t spsi_set_fingerprint(uint64_t hash, const spsi_particle_set *set
 
 typedef struct spsi_fingerprint_job {
     const spsi_filling *filling;
-    uint64_t start;                   /* of all patches: the slabs and kernels of the face */
-    uint64_t media[SPSI_VOLUMES_MAX]; /* of each medium */
+    uint64_t start;                   /* all patches: slabs and kernels of the face */
+    uint64_t media[SPSI_VOLUMES_MAX];
 } spsi_fingerprint_job;
 
-/* Adds a fingerprint to those of the patches that meet a box of texels, counted from the tile's first. */
+/* Mixes a fingerprint into patches that a box meets, in texels of the tile. */
 static void spsi_fingerprint_patches(uint64_t prints[64], int x0, int y0, int x1, int y1, uint64_t print) {
     for (int row = spsi_patch_at(y0); row <= spsi_patch_at(y1); ++row)
         for (int column = spsi_patch_at(x0); column <= spsi_patch_at(x1); ++column)
@@ -14888,7 +14823,7 @@ static void spsi_fingerprint_spheres(const spsi_fingerprint_job *job, int column
     }
 }
 
-/* Computes a tile's fingerprints in the order in which it is filled, and opens the patches whose own have changed. */
+/* Fingerprints a tile in filling order, and opens the patches that changed. */
 static void spsi_fingerprint_task(void *data, int index) {
     const spsi_fingerprint_job *job = (const spsi_fingerprint_job *)data;
     const spsi_filling *filling = job->filling;
@@ -14904,7 +14839,7 @@ static void spsi_fingerprint_task(void *data, int index) {
     memcpy(held->patches, prints, sizeof prints);
 }
 
-/* Fingerprints of all tiles of a face whose bricks and balls are binned. */
+/* Fingerprints a face, whose bricks and spheres are binned. */
 SPSI_COLD void spsi_fingerprint_face(const spsi_filling *filling) {
     const spsi_frame *frame = filling->occluders->frame;
     const spsi_map_volumes *volumes = filling->occluders->volumes;
@@ -14925,7 +14860,7 @@ SPSI_COLD void spsi_fingerprint_face(const spsi_filling *filling) {
                         spsi_fingerprint_task, &job);
 }
 
-/* Counts a shadow table's patches, those that were filled and those that were kept; `held`: 1 if all were. */
+/* Counts a shadow table's patches as filled or kept; `held`: 1 if all were kept. */
 SPSI_COLD void spsi_shadow_table_count(const sps_tmap *map, int held) {
     sps_stats_report *stats = &map->context->stats;
     const int columns = spsi_tile_columns(&map->rays[0]), rows = spsi_tile_rows(&map->rays[0]);
@@ -14941,7 +14876,6 @@ SPSI_COLD void spsi_shadow_table_count(const sps_tmap *map, int held) {
 
 /* --- filling a face, and the whole map --- */
 
-/* Whether no texel of a band is filled. */
 SPSI_COLD int spsi_band_is_closed(const spsi_filling *filling) {
     for (int column = 0; column < filling->band.tiles_x; ++column) {
         spsi_map_tile into;
@@ -14979,7 +14913,7 @@ SPSI_COLD sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occlu
     return SPS_OK;
 }
 
-/* Number of floats or indices, or pairs of planes, that a map is known to hold before it is filled. */
+/* Floats, indices or pairs of planes known before filling. */
 static size_t spsi_tmap_known_items(const sps_tmap *map) {
     if (map->technique->lists) return spsi_tmap_texel_count(map) + 1;
     if (map->settings.technique == SPS_TMAP_TABLE)
@@ -14987,14 +14921,13 @@ static size_t spsi_tmap_known_items(const sps_tmap *map) {
     return spsi_tmap_texel_count(map) * (size_t)map->settings.components;
 }
 
-/* Bytes that the map holds; before it is finished, what it will hold, as far as that is known. */
+/* Bytes of a map; before it is finished, as far as known. */
 SPSI_COLD size_t spsi_tmap_bytes(const sps_tmap *map) {
     const size_t fixed = sizeof *map + map->planes.size;
     if (map->finished) return fixed + map->data.texels.size + map->data.starts.size + map->data.surfaces.size;
     return fixed + spsi_tmap_known_items(map) * sizeof(float);
 }
 
-/* Reserves what the map will hold, as far as that is known. */
 SPSI_COLD sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
     const size_t texels = spsi_tmap_texel_count(map);
     spsi_buffer *known = map->technique->lists ? &map->data.starts : &map->data.texels;
@@ -15008,8 +14941,7 @@ SPSI_COLD sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
     return map->context->result;
 }
 
-/* Prepares the fingerprints of a shadow table that can be held: those of a table that is brought up to date are there.
- */
+/* Reserves fingerprints of a table that can be cached; an updated one has them already. */
 SPSI_COLD sps_result spsi_tmap_reserve_fingerprints(sps_tmap *map) {
     const size_t tiles = (size_t)spsi_tile_columns(&map->rays[0]) * (size_t)spsi_tile_rows(&map->rays[0]);
     if (!map->key || spsi_brick_fingerprints(map->context)) return map->context->result;
@@ -15018,7 +14950,7 @@ SPSI_COLD sps_result spsi_tmap_reserve_fingerprints(sps_tmap *map) {
     return map->context->result;
 }
 
-/* Releases the memory that a list has grown to beyond what it holds. */
+/* Releases excess memory of lists. */
 SPSI_COLD sps_result spsi_tmap_trim(sps_tmap *map) {
     const size_t item = map->technique->lists, count = spsi_tmap_item_count(map);
     spsi_buffer exact = {NULL, 0};
@@ -15030,7 +14962,7 @@ SPSI_COLD sps_result spsi_tmap_trim(sps_tmap *map) {
     return SPS_OK;
 }
 
-/* Fills a map with the triangles, and with the frame's voxels and particles, which must have been gathered. */
+/* Fills a map with triangles, and with the frame's gathered voxels and particles. */
 SPSI_COLD sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     sps_context *context = map->context;
     spsi_filling filling;
@@ -15057,14 +14989,13 @@ SPSI_COLD sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
         return context->result;
     map->finished = 1;
     if (!map->settings.byte_budget || spsi_tmap_bytes(map) <= map->settings.byte_budget) return SPS_OK;
-    spsi_tmap_refuse_budget(map, (double)spsi_tmap_bytes(map)); /* only while it is finished is its size known */
+    spsi_tmap_refuse_budget(map, (double)spsi_tmap_bytes(map)); /* the size is known only while finished */
     map->finished = 0;
     return context->result;
 }
 
 /* --- making a map --- */
 
-/* Checks the camera of a map's light, or only its position if the light is omnidirectional. */
 SPSI_COLD sps_result spsi_check_tmap_camera(const spsi_subject *at, const sps_tmap_light *light) {
     const sps_camera *camera = &light->camera;
     double forward[3];
@@ -15094,8 +15025,7 @@ SPSI_COLD sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light 
     return spsi_check_tmap_camera(&at, light);
 }
 
-/* Number of planes that make a table's entries as long as they are wide, in the middle of its depths, unless these are
-   too many. */
+/* Planes that make a table's entries as long as wide, in the middle of its depths, up to a limit. */
 SPSI_COLD int spsi_shadow_table_planes(const sps_tmap *map) {
     const spsi_rays *rays = &map->rays[0];
     const double low = map->settings.near_depth, high = map->settings.far_depth;
@@ -15106,8 +15036,7 @@ SPSI_COLD int spsi_shadow_table_planes(const sps_tmap *map) {
     return (int)spsi_dmax(spsi_dmin(ceil((high - low) / pitch), most), technique->least);
 }
 
-/* Fills in the number of components; if it is left to the technique, the largest that fits into the budget, up to the
-   default. */
+/* Sets the number of components. Left to the technique, it is the largest within the budget, up to the default. */
 SPSI_COLD sps_result spsi_tmap_resolve(sps_tmap *map) {
     const spsi_technique *technique = map->technique;
     sps_tmap_settings *settings = &map->settings;
@@ -15130,7 +15059,6 @@ SPSI_COLD sps_result spsi_tmap_resolve(sps_tmap *map) {
                                                    : SPS_OK;
 }
 
-/* Copies the caller's planes, which are checked, into a map. */
 SPSI_COLD sps_result spsi_tmap_take_planes(sps_tmap *map) {
     const size_t count = (size_t)spsi_settings_planes(&map->settings);
     if (count == 0) return SPS_OK;
@@ -15141,7 +15069,6 @@ SPSI_COLD sps_result spsi_tmap_take_planes(sps_tmap *map) {
     return SPS_OK;
 }
 
-/* Builds the rays of a map's faces. */
 SPSI_COLD sps_result spsi_tmap_aim(sps_tmap *map) {
     map->rays[0].width = map->view.width;
     map->rays[0].height = map->view.height;
@@ -15159,11 +15086,11 @@ SPSI_COLD sps_result spsi_tmap_aim(sps_tmap *map) {
     const double texel = spsi_dmax(spsi_length(map->rays[0].a), spsi_length(map->rays[0].b));
     const int own = map->settings.surface_bias > 0;
     const double bias = (own ? map->settings.surface_bias : 2 * texel) * per_length;
-    map->bias[!own && map->rays[0].perspective] = bias; /* texels grow with the distance */
+    map->bias[!own && map->rays[0].perspective] = bias; /* texels grow with distance */
     return SPS_OK;
 }
 
-/* Sets up a map that is zeroed except for its context. */
+/* Sets up a map that is zero except for its context. */
 SPSI_COLD sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, const sps_tmap_settings *settings) {
     map->light = -1;
     map->settings = spsi_settings_resolve(settings, 0);
@@ -15174,7 +15101,7 @@ SPSI_COLD sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light,
     map->view.camera.world_to_clip = NULL;
     map->view.quality = light->quality;
     map->view.slab_thickness = light->slab_thickness;
-    map->view.scattering = SPS_SCATTERING_SINGLE; /* light only passes */
+    map->view.scattering = SPS_SCATTERING_SINGLE; /* transmittance only */
     map->face_count = light->omnidirectional ? SPSI_CUBE_FACES : 1;
     if (light->camera.world_to_clip && map->face_count == 1) {
         memcpy(map->matrix, light->camera.world_to_clip, sizeof map->matrix);
@@ -15184,7 +15111,7 @@ SPSI_COLD sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light,
     return spsi_tmap_aim(map) || spsi_tmap_resolve(map) ? map->context->result : spsi_tmap_take_planes(map);
 }
 
-/* Adds all of a scene or nothing, so that a failed call can be repeated: first room is made for all. */
+/* Adds a whole scene or nothing, so that a failed call can be repeated. */
 SPSI_COLD sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
     const void *more[3] = {scene->volumes, scene->meshes, scene->particles};
     const size_t count[3] = {(size_t)scene->volume_count, (size_t)scene->mesh_count, (size_t)scene->particle_set_count};
@@ -15208,7 +15135,6 @@ SPSI_COLD sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
     return SPS_OK;
 }
 
-/* Releases what a map holds. */
 SPSI_COLD void spsi_tmap_release(sps_tmap *map) {
     spsi_buffer_release(map->context, &map->planes);
     spsi_buffer_release(map->context, &map->data.texels);
@@ -15217,13 +15143,12 @@ SPSI_COLD void spsi_tmap_release(sps_tmap *map) {
     spsi_buffer_release(map->context, &map->data.prints);
 }
 
-/* Releases the occluders that were added, once they have been read. */
 SPSI_COLD void spsi_tmap_forget(sps_tmap *map) {
     for (int k = 0; k < 3; ++k) spsi_buffer_release(map->context, &map->added.lists[k]);
     memset(map->added.counts, 0, sizeof map->added.counts);
 }
 
-/* Builds the frame of all that was added, as the light's first face sees it; NULL if that fails. */
+/* Builds the frame of all occluders, as the first face sees it; NULL on failure. */
 SPSI_COLD spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     sps_scene scene;
     memset(&scene, 0, sizeof scene);
@@ -15244,7 +15169,7 @@ SPSI_COLD spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     return frame;
 }
 
-/* The depth of a corner of gas: along a map's axis, or with six faces along that of the one in which it lies. */
+/* Depth of a corner of gas along the map's axis, or along that of its cube face. */
 static double spsi_tmap_corner_depth(const sps_tmap *map, const spsi_bounds *bounds, int corner) {
     double point[3], q[3], t = 0;
     spsi_bounds_corner(bounds, corner, point);
@@ -15253,7 +15178,7 @@ static double spsi_tmap_corner_depth(const sps_tmap *map, const spsi_bounds *bou
     return map->face_count > 1 ? t : q[2];
 }
 
-/* Whether the box around all voxels reaches beyond a map's depth range. */
+/* True if the voxels' box exceeds the depth range. */
 SPSI_COLD int spsi_voxels_outside(const sps_tmap *map, const spsi_bounds *bounds) {
     const double near_depth = map->settings.near_depth, room = SPSI_OUTSIDE / map->per_depth;
     for (int corner = 0; corner < 8 && !spsi_bounds_empty(bounds); ++corner) {
@@ -15264,7 +15189,7 @@ SPSI_COLD int spsi_voxels_outside(const sps_tmap *map, const spsi_bounds *bounds
     return 0;
 }
 
-/* Tells message_fn of gas that lies beyond the map's depth range and so counts at its ends. */
+/* Reports gas beyond the depth range, which counts at its ends. */
 SPSI_COLD void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *frame) {
     const sps_context *context = map->context;
     const double particles = (double)context->stats.particles_outside;
@@ -15277,7 +15202,7 @@ SPSI_COLD void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *fra
     context->config.message_fn(context->config.message_user, text);
 }
 
-/* Tells message_fn if the light is inside the gas, since its single view covers only what lies in front of it. */
+/* Reports a light inside the gas, whose single face misses the gas behind it. */
 SPSI_COLD void spsi_tmap_tell_amid(const sps_tmap *map, const spsi_frame *frame) {
     const sps_config *config = &map->context->config;
     const spsi_rays *rays = &map->rays[0];
@@ -15287,14 +15212,13 @@ SPSI_COLD void spsi_tmap_tell_amid(const sps_tmap *map, const spsi_frame *frame)
                                              "lit; light.omnidirectional is for a light that shines all round");
 }
 
-/* Reads all that was added, and fills the map with it. */
 static sps_result spsi_tmap_finish(sps_tmap *map) {
     sps_context *context = map->context;
     spsi_occluders occluders;
     spsi_frame *frame = spsi_tmap_frame(map);
     memset(&occluders, 0, sizeof occluders);
     if (!frame) return context->result;
-    /* voxels last, since slabs are cut from their bounds alone: particles need none */
+    /* voxels last: slabs are cut from their bounds, without particles */
     if (spsi_gather_particles(context, frame) || spsi_gather(context, frame) || spsi_pyramids_place(context, frame) ||
         spsi_gather_faces(context, frame, &occluders.faces))
         return context->result;
@@ -15309,7 +15233,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
 
 /* --- a light's own map --- */
 
-/* Fits the depth range, along a face's axis, to all gas. */
+/* Fits the depth range to all gas, along a face's axis. */
 SPSI_COLD void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
     sps_tmap_settings *settings = &map->settings;
     double low = map->face_count > 1 ? 0 : HUGE_VAL, high = -HUGE_VAL, room;
@@ -15318,7 +15242,7 @@ SPSI_COLD void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
         low = spsi_dmin(low, t);
         high = spsi_dmax(high, t);
     }
-    /* gas so far away that it looks like a point still lies between two depths */
+    /* distant gas, no more than a point, still needs a range */
     high = spsi_dmax(high, low + spsi_dmax(1e-12 * fabs(low), DBL_MIN / DBL_EPSILON));
     room = settings->technique == SPS_TMAP_FOURIER && !map->has_range ? SPSI_GUARD_BAND * (high - low) : 0;
     settings->near_depth = map->rays[0].perspective ? spsi_dmax(low - room, 0) : low - room;
@@ -15327,7 +15251,7 @@ SPSI_COLD void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
     for (int face = 0; face < map->face_count; ++face) map->rays[face].depth_reference = settings->near_depth;
 }
 
-/* A hash of the gas that a map shows; 0 if it may be another in the next call. */
+/* Hash of a map's gas; 0 if the next call may have another. */
 static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_volumes_fingerprint(frame);
     for (int i = 0; i < frame->medium_count && hash; ++i)
@@ -15343,7 +15267,7 @@ static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
     return hash;
 }
 
-/* A hash of a table's rays and planes. */
+/* Hash of a table's rays and planes. */
 SPSI_COLD uint64_t spsi_shadow_table_aim(const sps_tmap *map) {
     const double range[] = {map->settings.near_depth, map->settings.far_depth, (double)map->table_end};
     uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, range, sizeof range);
@@ -15358,14 +15282,14 @@ SPSI_COLD uint64_t spsi_shadow_table_aim(const sps_tmap *map) {
     return hash;
 }
 
-/* A hash of all that a table is made from, given that of the gas; 0 if the gas has none. */
+/* Hash of a table's input, given that of the gas; 0 if the gas has none. */
 SPSI_COLD uint64_t spsi_shadow_table_key(const spsi_frame *frame, uint64_t aim, uint64_t gas) {
     const double knobs[] = {frame->view.slab_thickness, frame->accuracy.cut, (double)frame->view.filling};
     return gas ? spsi_fingerprint_word(spsi_fingerprint(gas, knobs, sizeof knobs), aim) | 1 : 0;
 }
 
-/* Moves a table that is held and has the map's rays into the map: as its own or, if the gas is another, to be brought
-   up to date. All tables that are held show the same gas. */
+/* Moves a cached table with the map's rays into the map, to be updated if its gas differs. All cached tables show the
+   same gas. */
 SPSI_COLD void spsi_shadow_table_take(sps_context *context, sps_tmap *map) {
     sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     int i = 0;
@@ -15382,14 +15306,13 @@ SPSI_COLD void spsi_shadow_table_take(sps_context *context, sps_tmap *map) {
     spsi_shadow_table_count(map, 1);
 }
 
-/* Releases all maps that a buffer holds. */
 static void spsi_tmaps_drop(sps_context *context, spsi_buffer_id id, int *count) {
     sps_tmap *held = (sps_tmap *)context->buffers[id].data;
     for (int i = 0; i < *count; ++i) spsi_tmap_release(&held[i]);
     *count = 0;
 }
 
-/* Aims the map by which gas casts a light's shadow. */
+/* Aims a light's own map. */
 SPSI_COLD sps_result spsi_light_tmap_aim(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                          sps_tmap *map) {
     memset(map, 0, sizeof *map);
@@ -15407,7 +15330,7 @@ SPSI_COLD sps_result spsi_light_tmap_aim(sps_context *context, const spsi_frame 
     return spsi_tmap_resolve(map);
 }
 
-/* Begins that map: takes its table, or one to start from, if it is held. `gas` is the fingerprint of the gas. */
+/* Begins a light's own map, with a cached table if there is one. `gas`: fingerprint of the gas. */
 SPSI_COLD sps_result spsi_light_tmap_begin(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                            uint64_t gas, sps_tmap *map) {
     const spsi_subject at = spsi_settings_of(context, light->index);
@@ -15422,7 +15345,7 @@ SPSI_COLD sps_result spsi_light_tmap_begin(sps_context *context, const spsi_fram
     return SPS_OK;
 }
 
-/* Fills it, unless it was held. */
+/* Fills the map unless its table was cached. */
 SPSI_COLD sps_result spsi_light_tmap_fill(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                           const spsi_call_stage *part, sps_tmap *map) {
     spsi_occluders occluders;
@@ -15436,11 +15359,11 @@ SPSI_COLD sps_result spsi_light_tmap_fill(sps_context *context, const spsi_frame
     return SPS_OK;
 }
 
-/* --- its size, before anything is read --- */
+/* --- size of a light's map, before anything is read --- */
 
-/* Maximum size of a light's transmittance map: texels of all faces, and of the longer side. Particles have not been
-   read. A light amid the volumes' boxes may turn out to be in front of what they hold: a single face then, of up to
-   2 tan 78 degrees times its distance, which is up to sqrt(3) times as long as along an axis. */
+/* Maximum texels of all faces, and of the longer side, before particles are read. A light inside the volumes' boxes may
+   turn out to be in front of their gas. A single face then spans 2 tan 78 degrees times its distance, up to sqrt(3)
+   times that along an axis. */
 SPSI_COLD size_t spsi_light_tmap_texels(const spsi_frame *frame, const spsi_light *light, size_t *side) {
     spsi_rays rays[SPSI_CUBE_FACES];
     const size_t most = (size_t)(light->map_size > 0 ? light->map_size : spsi_map_texels_most(frame, light));
@@ -15461,7 +15384,7 @@ SPSI_COLD size_t spsi_light_tmap_texels(const spsi_frame *frame, const spsi_ligh
     return *side * *side > six ? *side * *side : six;
 }
 
-/* Maximum number of components. A table's planes are a texel apart in the middle of its depths. */
+/* Maximum components. A table's planes are a texel apart in the middle of its depths. */
 SPSI_COLD size_t spsi_light_tmap_components(const spsi_frame *frame, const spsi_light *light) {
     const int most = spsi_techniques[SPS_TMAP_TABLE].usual;
     double across[3], planes;
@@ -15472,8 +15395,7 @@ SPSI_COLD size_t spsi_light_tmap_components(const spsi_frame *frame, const spsi_
     return (size_t)spsi_dmin(planes, most);
 }
 
-/* Bytes of a light's transmittance map, and those needed to fill it, except for lists of intervals, whose length is not
-   known, and what is fitted to them. A light's map holds no surfaces. */
+/* Bytes of a light's map, and of filling it, without lists of intervals and their fits, whose length is unknown. */
 SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *light, size_t *held, size_t *filling) {
     size_t side;
     const size_t texels = spsi_light_tmap_texels(frame, light, &side);
@@ -15481,7 +15403,7 @@ SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *
     const size_t components = spsi_light_tmap_components(frame, light);
     const int lists = spsi_techniques[light->map.technique].lists > 0;
     *held = sizeof(sps_tmap) + (texels + 1) * (lists ? 1 : components) * sizeof(float); /* one more for the planes */
-    if (spsi_has_shadow_table(light)) /* also fingerprints, the map that holds it, and blocks beyond two edges */
+    if (spsi_has_shadow_table(light)) /* also fingerprints, the cached map, and blocks beyond two edges */
         *held += SPSI_CUBE_FACES * tiles * tiles * sizeof(spsi_tile_fingerprints) + sizeof(sps_tmap) +
                  SPSI_CUBE_FACES * SPSI_SHADOW_TABLE_SIDE * (side + 16) * components * sizeof(float);
     *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);

@@ -10981,60 +10981,52 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossi
 }
 
 /* ================================================================================================ >>sampler
-   21 Volumes sampled per pixel (gathering). A volume's value is the sum of 4^3 or 6^3 voxels around a point, weighted
-   by the kernel along each axis. Weights are normalised and tabulated for 1025 positions between voxels. Bricks of 8^3
-   voxels have an apron, so that all taps of a point lie in one brick. A bit per cell of 2^3 voxels tells where samples
-   are taken: within reach of any voxel of a gas, near visible voxels of a classified volume. Terminated rays take none.
-   Samples lie in the middles of equal steps h. A slab's integral is h times their sum plus h / 24 times the change of
-   differences from its first step to its last. This is the midpoint rule with end correction, error O(h^4). Slabs that
-   a polygon or the near plane cuts have samples of their own. The rays of a vector of pixels advance together; only
-   taps are read sample by sample.
-   Where voxels are smaller than pixels, a pixel has two rays through opposite corners of its middle half. From sample
-   to sample they swing to the other two corners, which is as good as four rays. Still smaller voxels take four, nine,
-   or 3^2 to 8^2 rays, evenly spread. Unclassified volumes have a pyramid: each level is downsampled with weights 1, 3,
-   3, 1 along each axis (spectrum cos^3). The camera's pixels choose a volume's level for all targets; with two levels,
-   gas would lie before or behind its own shadow. The next level is blended in gradually. A light's texel takes the
-   fewest rays that suit the level. Classified volumes take one at full resolution, because a transfer function of a
-   mean is not the mean of the transfer function. Surface gradients weight the same voxels by the kernel's derivative.
-   With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels in slabs where gas is smooth. Cubics interpolate
-   across the patch. A bound on the third derivative limits the error: the greatest third differences per octant of a
-   brick, exact to within the kernel's ripple.
-   Cost: 20 vector operations per sample of 4^3 voxels, 80 of 6^3, and twice as many per gradient. Add 60 per vector of
-   samples or gradients, and 5 per interpolated vector. A coarser level costs 60 operations per finer voxel. */
+   21 Volumes sampled per pixel (gathered). A value is the sum of 4^3 or 6^3 voxels around a point, weighted by a
+   normalised kernel tabulated for 1025 positions. Bricks of 8^3 voxels have an apron for the taps. A bit per cell of
+   2^3 voxels marks where samples matter. Samples lie in the middles of steps h. A slab's integral is h times their sum
+   plus h / 24 times the change of differences between its ends. This midpoint rule with end correction has an error
+   O(h^4). Slabs cut by a polygon or the near plane are sampled separately.
+   Where voxels are smaller than pixels, a pixel has two rays. They swing between corners of its middle half from sample
+   to sample, as good as four rays. Still smaller voxels take up to 8^2 rays. Unclassified volumes have a pyramid,
+   filtered by 1, 3, 3, 1 along each axis (spectrum cos^3). Classified ones have none, because a transfer function of a
+   mean is not the mean of the transfer function. The camera's pixels choose one level for all targets; with two, gas
+   would lie before or behind its own shadow. The next level is blended in gradually.
+   With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels where gas is smooth. Cubics interpolate between
+   them; third differences of voxels, per octant of a brick, bound their error.
+   Cost in vector operations: 20 per sample of 4^3 voxels, 80 of 6^3, twice that per gradient; 60 per vector of samples;
+   5 per interpolated vector. A level costs 60 operations per voxel. */
 
-#define SPSI_SAMPLER_MOST     11   /* samples per ray and slab, at most; thicker slabs are splatted */
-#define SPSI_SAMPLER_STEP     1.45 /* largest step in voxels: one sample in a slab of one voxel, at any angle */
-#define SPSI_SAMPLER_STEP_6   1.0  /* largest step with 6^3 taps */
-#define SPSI_SAMPLER_OPAQUE   1e4  /* splat voxels of a greater optical depth: taps 3 voxels away weigh 1e-5 */
+#define SPSI_SAMPLER_MOST     11   /* samples per ray and slab; thicker slabs are splatted */
+#define SPSI_SAMPLER_STEP     1.45 /* largest step in voxels: one sample in a one-voxel slab at any angle */
+#define SPSI_SAMPLER_STEP_6   1.0  /* with 6^3 taps */
+#define SPSI_SAMPLER_OPAQUE   1e4  /* splat voxels of greater optical depth: a tap 3 voxels away weighs 1e-5 */
 #define SPSI_SAMPLER_VARIANCE 0.125 /* least variance of a voxel in ray spacings: half the pixel filter's */
-#define SPSI_SAMPLER_TWO    0.25    /* the limit for two swinging rays, which miss more of narrow voxels */
-#define SPSI_SAMPLER_LONE   0.3 /* the limit where isolated voxels of a level keep their mass: 4 exp(-2 pi^2 0.3) = 1
-                                   % */
-#define SPSI_SAMPLER_WIDEST 1.0 /* largest deviation of a level's voxel, in texels of one ray or half pixels */
-#define SPSI_SAMPLER_RAYS   64  /* rays per pixel, at most */
-#define SPSI_SAMPLER_SLABS  (SPSI_CHUNK + 4) /* slabs of a tile, at most */
+#define SPSI_SAMPLER_TWO    0.25    /* limit for two swinging rays, which miss more */
+#define SPSI_SAMPLER_LONE   0.3 /* limit where lone voxels keep their mass: 4 exp(-2 pi^2 0.3) = 1 % */
+#define SPSI_SAMPLER_WIDEST 1.0 /* largest deviation of a level's voxel in texels, or half pixels */
+#define SPSI_SAMPLER_RAYS   64  /* rays per pixel */
+#define SPSI_SAMPLER_SLABS  (SPSI_CHUNK + 4) /* slabs per tile */
 #define SPSI_PYRAMID_BATCH  16               /* bricks per task */
-#define SPSI_PYRAMID_CELLS  16777216         /* 2^24: floats count bricks of a grid */
+#define SPSI_PYRAMID_CELLS  16777216         /* 2^24: floats count a grid's bricks */
 
 /* Nanoseconds that decide between splatting and gathering; only ratios matter. Measured on one core with vectors of 16,
-   and applied to all machines, so that images do not depend on them. Footprints count 1.35 times, since some lie in two
-   tiles or chunks. The cost of 6^3 taps is fitted to eleven passes (bonsai, blob, smoke, 256^3 full of gas; high and
-   ultra; 256 or 1024 pixels). They break even between 16 and 37, median 28. At medium quality, any value up to 20 for
-   4^3 gathers all, which is faster. */
+   but used on all machines, so that images do not depend on them. Footprints count 1.35 times, since some lie in two
+   tiles or chunks. With 6^3 taps, eleven passes (bonsai, blob, smoke, full 256^3; high, ultra; 256, 1024 pixels) break
+   even between 16 and 37, median 28. At medium quality, any value up to 20 for 4^3 gathers all, which is faster. */
 #define SPSI_COST_FOOTPRINT   90.0
 #define SPSI_COST_FRAGMENT    0.57
 #define SPSI_COST_SAMPLE      8.0
 #define SPSI_COST_SAMPLE_WIDE 27.0 /* 6^3 taps */
 
-/* Floats along a brick's edge, apron included, and from row to row. */
+/* Floats along an edge, apron included, and from row to row. */
 static inline int spsi_pyramid_edge(int taps) { return SPSI_BRICK + taps - 1; }
 static inline int spsi_pyramid_pitch(int taps) { return taps > 4 ? 16 : 12; }
 static inline size_t spsi_pyramid_floats(int taps) {
     return (size_t)(spsi_pyramid_edge(taps) * spsi_pyramid_edge(taps) * spsi_pyramid_pitch(taps));
 }
 
-/* Largest step h in voxels. Waves of length h along the ray alias; the kernel leaves exp(-2 (pi sigma / h)^2) of them,
-   2 % or, with 6^3 taps, 0.02 %. */
+/* Largest step h in voxels. Waves of length h alias; the kernel leaves exp(-2 (pi sigma / h)^2): 2 %, or 0.02 % with
+   6^3 taps. */
 static inline double spsi_sampler_step(const spsi_pyramid *fields) {
     return fields->taps > 4 ? SPSI_SAMPLER_STEP_6 : SPSI_SAMPLER_STEP;
 }
@@ -11059,8 +11051,8 @@ SPSI_COLD void spsi_pyramids_weigh(spsi_pyramid *fields, int taps) {
     }
 }
 
-/* Range of octants (4^3 voxels of a brick) whose points have a brick's voxels within reach. Counted along each axis
-   from the volume's first voxel. */
+/* Octants (4^3 voxels) within a brick's reach, counted from the volume's first voxel: first and last along each
+   axis. */
 SPSI_COLD void spsi_pyramid_reach(const spsi_brick *brick, int taps, int range[2][3]) {
     enum { HALF = SPSI_BRICK / 2 };
     for (int k = 0; k < 3; ++k) {
@@ -11071,10 +11063,9 @@ SPSI_COLD void spsi_pyramid_reach(const spsi_brick *brick, int taps, int range[2
     }
 }
 
-/* Half, rounded down: an octant's brick, or a brick's parent in the next level. */
+/* Half, rounded down: an octant's brick, or a brick's parent. */
 static inline int spsi_pyramid_half(int at) { return (at + 2 * SPSI_SIZE_MAX) / 2 - SPSI_SIZE_MAX; }
 
-/* Bricks in a level's grid. */
 SPSI_COLD size_t spsi_pyramid_cells(const spsi_pyramid_level *field) {
     return (size_t)field->size[0] * (size_t)field->size[1] * (size_t)field->size[2];
 }
@@ -11085,7 +11076,6 @@ static size_t spsi_pyramid_cell(const spsi_pyramid_level *field, const int at[3]
                ((size_t)(at[1] - field->low[1]) + (size_t)field->size[1] * (size_t)(at[2] - field->low[2]));
 }
 
-/* Brick coordinates of a grid index. */
 static void spsi_pyramid_at(const spsi_pyramid_level *field, int place, int at[3]) {
     at[0] = place % field->size[0] + field->low[0];
     at[1] = place / field->size[0] % field->size[1] + field->low[1];
@@ -11098,7 +11088,6 @@ static int spsi_pyramid_has(const spsi_pyramid_level *field, const int at[3]) {
     return has;
 }
 
-/* Fits the grid around a volume's bricks. */
 SPSI_COLD void spsi_pyramid_place(const spsi_brick *bricks, int taps, spsi_pyramid_level *field) {
     int high[3] = {-1, -1, -1};
     for (int k = 0; k < 3; ++k) field->low[k] = SPSI_SIZE_MAX * SPSI_SIZE_MAX;
@@ -11115,7 +11104,7 @@ SPSI_COLD void spsi_pyramid_place(const spsi_brick *bricks, int taps, spsi_pyram
     for (int k = 0; k < 3; ++k) field->size[k] = field->end > field->first ? high[k] - field->low[k] + 1 : 0;
 }
 
-/* Sets a bit in the grid for each octant within reach of a brick of voxels. */
+/* Marks the octants within reach, a bit each. */
 static void spsi_pyramid_mark(const spsi_brick *brick, int taps, spsi_pyramid_level *field) {
     int range[2][3], at[3];
     spsi_pyramid_reach(brick, taps, range);
@@ -11131,7 +11120,7 @@ static void spsi_pyramid_mark(const spsi_brick *brick, int taps, spsi_pyramid_le
             }
 }
 
-/* Registers the source bricks, and numbers the bricks within their reach. */
+/* Registers source bricks, and numbers the bricks within reach. */
 SPSI_COLD void spsi_pyramid_number(const spsi_brick *bricks, int taps, spsi_pyramid_level *field) {
     const size_t cells = spsi_pyramid_cells(field);
     for (size_t i = 0; i < cells; ++i) field->sources[i] = -1, field->grid[i] = 0;
@@ -11149,18 +11138,16 @@ SPSI_COLD void spsi_pyramid_number(const spsi_brick *bricks, int taps, spsi_pyra
     }
 }
 
-/* Task data: a level whose bricks are being filled. */
 typedef struct spsi_pyramid_job {
     const sps_context *context;
-    const spsi_brick *bricks;        /* relevant voxels */
-    const spsi_material *classifies; /* material that decides visibility; NULL: any voxel above 0 */
+    const spsi_brick *bricks;        /* of relevant voxels */
+    const spsi_material *classifies; /* decides visibility; NULL: above 0 */
     int taps;
     const spsi_pyramid_level *field;
-    const spsi_pyramid_level *fine; /* next finer level; NULL for the finest */
+    const spsi_pyramid_level *fine; /* next finer level, or NULL */
 } spsi_pyramid_job;
 
-/* Mask of a brick's visible voxels: above 0 in a gas; classified ones unless their whole range 0..value is
-   transparent. */
+/* Visible voxels: above 0 in a gas; classified ones unless the whole range 0..value is transparent. */
 static void spsi_pyramid_show(const spsi_pyramid_job *job, const float *values, uint64_t *shown) {
     const int edge = spsi_pyramid_edge(job->taps), pitch = spsi_pyramid_pitch(job->taps), border = job->taps / 2 - 1;
     const int lanes = spsi_imin(SPSI_LANES, SPSI_BRICK), whole = (1 << lanes) - 1;
@@ -11176,7 +11163,7 @@ static void spsi_pyramid_show(const spsi_pyramid_job *job, const float *values, 
     }
 }
 
-/* Writes a brick's own voxels, if it has any, inside a zero apron. */
+/* Writes a brick's own voxels and a zero apron. */
 static void spsi_pyramid_own_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
     const int edge = spsi_pyramid_edge(job->taps), pitch = spsi_pyramid_pitch(job->taps), border = job->taps / 2 - 1;
@@ -11194,7 +11181,7 @@ static void spsi_pyramid_own_task(void *data, int held) {
     spsi_pyramid_show(job, values, job->field->shown + (size_t)held * SPSI_BRICK);
 }
 
-/* Overlap of a brick with its neighbour `off` bricks away along an axis: first voxel in either one, and count. */
+/* Overlap with a neighbour `off` bricks away along an axis: first voxel in brick and neighbour, and count. */
 typedef struct spsi_apron {
     int to, from, count;
 } spsi_apron;
@@ -11206,7 +11193,6 @@ static inline spsi_apron spsi_apron_at(int taps, int off) {
     return off < 0 ? before : off > 0 ? behind : own;
 }
 
-/* Copies voxels of a neighbour into the apron. */
 static void spsi_pyramid_copy(int taps, const int off[3], const float *from, float *to) {
     const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps);
     const spsi_apron x = spsi_apron_at(taps, off[0]), y = spsi_apron_at(taps, off[1]), z = spsi_apron_at(taps, off[2]);
@@ -11218,7 +11204,7 @@ static void spsi_pyramid_copy(int taps, const int off[3], const float *from, flo
         }
 }
 
-/* Visible voxels in a row of three adjacent bricks. */
+/* Visible voxels in a row of three bricks. */
 static inline uint32_t spsi_shown_row(const uint64_t *const shown[3], int row) {
     uint32_t bits = 0;
     for (int k = 0; k < 3; ++k)
@@ -11226,14 +11212,14 @@ static inline uint32_t spsi_shown_row(const uint64_t *const shown[3], int row) {
     return bits;
 }
 
-/* Mask of cells that reach a voxel along an axis: cell c reaches 2 c + 1 - reach to 2 c + 1 + reach. */
+/* Cells that reach a voxel along an axis: cell c reaches 2 c + 1 - reach to 2 c + 1 + reach. */
 static inline int spsi_cells_seeing(int reach, int at) {
     int cells = 0;
     for (int c = 0; c < SPSI_BRICK / 2; ++c) cells |= (at > 2 * c - reach && at <= 2 * c + 1 + reach) << c;
     return cells;
 }
 
-/* Marks a brick's cells that reach visible voxels of it or its neighbours (NULL: none). */
+/* Marks cells that reach visible voxels of a brick or its neighbours (NULL: none). */
 static void spsi_cells_mark(const uint64_t *const shown[27], int reach, uint32_t cells[2]) {
     const int low = 1 - reach, high = SPSI_BRICK + reach;
     const uint32_t window = (1u << (2 * reach + 1)) - 1;
@@ -11256,7 +11242,7 @@ static void spsi_cells_mark(const uint64_t *const shown[27], int reach, uint32_t
     }
 }
 
-/* Stored bricks with voxels of their own around a brick, itself included; -1: none. */
+/* Stored bricks around one, itself included; -1: none with voxels of its own. */
 static void spsi_pyramid_around(const spsi_pyramid_level *field, int held, int around[27]) {
     int at[3];
     spsi_pyramid_at(field, field->places[held], at);
@@ -11267,8 +11253,7 @@ static void spsi_pyramid_around(const spsi_pyramid_level *field, int held, int a
     }
 }
 
-/* Fills aprons and marks the cells to sample: those with voxels within taps / 2, or n more for mask n of a classified
-   volume. */
+/* Fills aprons and marks cells to sample, with voxels within taps / 2, or n more for mask n of a classified volume. */
 static void spsi_pyramid_apron_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
     const spsi_pyramid_level *field = job->field;
@@ -11293,7 +11278,7 @@ static inline spsi_v spsi_third_most(spsi_v most, spsi_v a, spsi_v b) {
     return spsi_max(most, spsi_abs(spsi_sub(a, b)));
 }
 
-/* Second differences around a row of voxels: xx, yy, zz and xy. */
+/* Second differences of rows: xx, yy, zz, xy. */
 static inline void spsi_second_difference(const float *v, const int step[3], spsi_v second[4]) {
     const spsi_v here = spsi_load(v), right = spsi_load(v + step[0]), below = spsi_load(v + step[1]);
     for (int k = 0; k < 3; ++k)
@@ -11301,7 +11286,7 @@ static inline void spsi_second_difference(const float *v, const int step[3], sps
     second[3] = spsi_sub(spsi_sub(spsi_load(v + step[0] + step[1]), right), spsi_sub(below, here));
 }
 
-/* Greatest third differences of each kind that begin in 4 x 4 rows of voxels. */
+/* Greatest third differences that begin in 4 x 4 rows. */
 static inline void spsi_third_difference(const float *v, const int step[3], spsi_v third[10]) {
     static const int pairs[6][2] = {{0, 1}, {0, 2}, {1, 0}, {1, 2}, {2, 0}, {2, 1}}; /* x x y, x x z, ... */
     for (int i = 0; i < 10; ++i) third[i] = spsi_set(0);
@@ -11317,8 +11302,8 @@ static inline void spsi_third_difference(const float *v, const int step[3], spsi
     }
 }
 
-/* Per octant, a bound of the third derivative in any direction, in voxel units: the norm of the greatest third
-   differences of each kind. */
+/* Bound of the third derivative in any direction per octant, in voxel units: the norm of its greatest third
+   differences. */
 static void spsi_pyramid_thirds(int taps, const float *values, float bends[8]) {
     static const float weights[10] = {1, 1, 1, 3, 3, 3, 3, 3, 3, 6};
     const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), border = taps / 2 - 1;
@@ -11348,7 +11333,7 @@ static void spsi_pyramid_thirds(int taps, const float *values, float bends[8]) {
 
 /* ---- coarser levels ---- */
 
-/* Box of the next level: bricks that reach a voxel of the finer level's bricks. */
+/* Box of bricks that reach a voxel of the finer level. */
 SPSI_COLD void spsi_level_place(const spsi_pyramid_level *fine, spsi_pyramid_level *level) {
     for (int k = 0; k < 3; ++k) {
         level->low[k] = spsi_pyramid_half(fine->low[k] - 1);
@@ -11356,7 +11341,7 @@ SPSI_COLD void spsi_level_place(const spsi_pyramid_level *fine, spsi_pyramid_lev
     }
 }
 
-/* Numbers a level's bricks around those of the finer level. Each may have voxels of its own. */
+/* Numbers a level's bricks around the finer ones. Each may have voxels of its own. */
 SPSI_COLD void spsi_level_number(const spsi_pyramid_level *fine, spsi_pyramid_level *level) {
     const size_t cells = spsi_pyramid_cells(level);
     for (size_t i = 0; i < cells; ++i) level->grid[i] = 0;
@@ -11376,7 +11361,7 @@ SPSI_COLD void spsi_level_number(const spsi_pyramid_level *fine, spsi_pyramid_le
     }
 }
 
-/* Downsamples a brick and its one-voxel border, weights (1, 3, 3, 1) / 8 along each axis. Writes 4^3 voxels. */
+/* Downsamples a brick and its one-voxel border to 4^3 voxels, weights (1, 3, 3, 1) / 8. */
 static void spsi_level_octant(int taps, const float *fine, float *coarse) {
     enum { FROM = SPSI_BRICK + 2, TO = SPSI_BRICK / 2 };
     const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), first = taps / 2 - 2;
@@ -11399,7 +11384,6 @@ static void spsi_level_octant(int taps, const float *fine, float *coarse) {
                                                      0.375f * (xy_halved[2 * z + 1][y][x] + xy_halved[2 * z + 2][y][x]);
 }
 
-/* Fills a level's bricks, an octant from each finer brick. */
 static void spsi_level_own_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
     const spsi_pyramid_level *level = job->field, *fine = job->fine;
@@ -11425,34 +11409,31 @@ static void spsi_level_own_task(void *data, int held) {
 
 /* ---- rays ---- */
 
-/* A pyramid level in the coordinates of a target's rays. Voxel centres are at integers, counted from the level's first
-   brick. */
+/* A pyramid level in a target's ray coordinates. Voxel centres are integers, counted from the first brick. */
 typedef struct spsi_sampler {
     const spsi_pyramid *fields;
-    const spsi_pyramid_level *field; /* the level to sample */
+    const spsi_pyramid_level *field; /* level sampled */
     const spsi_pyramid_level *finest;
-    const uint32_t (*cells)[2];    /* its cells to sample, for the reach wanted */
-    int level, wanted;             /* level to sample, 0: as read; the frame's, which may be too wide for texels */
-    float mix, least, widest;      /* weight of the next level; least variance, in spacings of 2^2 rays; greatest
-                                      width */
-    int rays, side;                /* rays per pixel: 1, 2 that swing, or 2^2 to 8^2; rays along the square's side */
-    float aside;                   /* pixels from the centre to the outermost ray, along each axis */
+    const uint32_t (*cells)[2];    /* cells to sample, for the reach wanted */
+    int level, wanted;             /* level sampled, 0: as read; the frame's level */
+    float mix, least, widest;      /* weight of the next level; least variance in half pixels; greatest width */
+    int rays, side;                /* rays per pixel: 1, 2 that swing, or 2^2 to 8^2; per side */
+    float aside;                   /* pixels from centre to outermost ray, per axis */
     double breadth;                /* standard deviation of a voxel along its longest edge */
     spsi_linear at[3], slab;
     int whole;        /* 1: neither polygons nor the near plane cut slabs */
-    int lone;         /* 1: one sample per slab; sheets store it instead of the slab's mean */
+    int lone;         /* 1: one sample per slab, stored instead of its mean */
     float near_d;     /* t where rays begin, minus depth_reference */
     float scale;      /* factor on values */
-    float rows[3][3]; /* change of coordinates with world position, times the cube root of a voxel's volume */
+    float rows[3][3]; /* d coordinate / d world, times the cube root of a voxel's volume */
 } spsi_sampler;
 
-/* A point's kernel weights along each axis, and their derivatives. */
+/* Kernel weights along each axis, and derivatives. */
 typedef struct spsi_tap_weights {
     const float *at[3], *change[3];
 } spsi_tap_weights;
 
-/* Sum of 4^3 or 6^3 taps as four partial sums, one per fourth column. Calls pass a constant `taps`, so that compilers
-   unroll. */
+/* Sum of taps as four partial sums. Calls pass a constant `taps`, so that compilers unroll. */
 static inline spsi_four spsi_taps_sum(int taps, const float *from, const spsi_tap_weights *w) {
     const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), halves = taps > 4 ? 2 : 1;
     const float *x = w->at[0], *y = w->at[1], *z = w->at[2];
@@ -11468,7 +11449,7 @@ static inline spsi_four spsi_taps_sum(int taps, const float *from, const spsi_ta
     return taps == 4 ? sum[0] : spsi_four_add(1, spsi_four_mul(spsi_four_load(x + 4), sum[1]), sum[0]);
 }
 
-/* Derivatives per voxel along each axis, as partial sums like spsi_taps_sum. */
+/* Derivatives per voxel, as partial sums likewise. */
 static inline void spsi_taps_changes(int taps, const float *from, const spsi_tap_weights *w, spsi_four changes[3]) {
     const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), halves = taps > 4 ? 2 : 1;
     const float *y = w->at[1], *z = w->at[2], *dy = w->change[1], *dz = w->change[2];
@@ -11494,15 +11475,13 @@ static inline void spsi_taps_changes(int taps, const float *from, const spsi_tap
     }
 }
 
-/* Locations of the taps for a vector of points. */
 typedef struct spsi_sampler_places {
     spsi_v bricks, cells;  /* brick in the grid; cell in the brick */
-    int brick[SPSI_LANES]; /* `bricks` as integers */
-    int first[SPSI_LANES]; /* float of the brick that holds the first tap */
+    int brick[SPSI_LANES];
+    int first[SPSI_LANES]; /* float of a brick's first tap */
     int weights[3][SPSI_LANES];
 } spsi_sampler_places;
 
-/* Finds the bricks, cells and taps of points. */
 static inline void spsi_sampler_find(const spsi_sampler *t, const spsi_v place[3], spsi_sampler_places *at) {
     const spsi_pyramid_level *field = t->field;
     const int taps = t->fields->taps;
@@ -11526,8 +11505,7 @@ static inline void spsi_sampler_find(const spsi_sampler *t, const spsi_v place[3
     at->cells = cell;
 }
 
-/* Values at points in `lanes` where cells are sampled, 0 elsewhere. Points in `lanes` must lie inside the bricks. Adds
-   the samples taken to *count. */
+/* Values at points in `lanes`, which must lie inside the bricks; 0 in cells not sampled. Adds the samples to *count. */
 static inline spsi_v spsi_sampler_values(const spsi_sampler *t, const spsi_v place[3], int lanes, uint64_t *count) {
     const spsi_pyramid *fields = t->fields;
     const spsi_pyramid_level *field = t->field;
@@ -11550,7 +11528,7 @@ static inline spsi_v spsi_sampler_values(const spsi_sampler *t, const spsi_v pla
     return spsi_sum_fours(fours);
 }
 
-/* World gradient times the cube root of a voxel's volume, at points in `lanes`; 0 where no voxel is within reach. */
+/* World gradient times the cube root of a voxel's volume; 0 where no voxel is within reach. */
 static void spsi_sampler_gradient(const spsi_sampler *t, const spsi_v place[3], int lanes, spsi_v gradient[3]) {
     const spsi_pyramid *fields = t->fields;
     const size_t floats = spsi_pyramid_floats(fields->taps);
@@ -11581,25 +11559,24 @@ static void spsi_sampler_gradient(const spsi_sampler *t, const spsi_v place[3], 
     }
 }
 
-/* Equally spaced samples on the rays of a vector of pixels. */
+/* Samples on a vector of rays. */
 typedef struct spsi_sampler_line {
-    spsi_v start[3], step[3]; /* coordinates of sample 0, half a step into the first slab; step */
-    spsi_v first, end;        /* range of sample numbers per ray */
+    spsi_v start[3], step[3]; /* sample 0, half a step into the first slab; step */
+    spsi_v first, end;        /* range of samples */
 } spsi_sampler_line;
 
-/* Rays of a vector of pixels. Slab s begins at depth (s - base) * per_slab. */
+/* A vector of rays. Slab s begins at depth (s - base) * per_slab. */
 typedef struct spsi_sampler_rays {
     spsi_v base, per_slab;
     spsi_v at[3], change[3]; /* coordinates at depth 0; change with depth */
     spsi_v nearest, limit;   /* depths where rays begin, and where polygons end them */
     spsi_sampler_line lines[2]; /* even and odd samples */
-    int swings;              /* 1: the lines differ; 0: all samples are on the first */
+    int swings;              /* 0: all samples are on the first line */
     int steps;               /* samples per slab */
     int lanes;               /* mask of active rays */
-    const int *by_slab;      /* mask of rays that need a slab, beginning one slab before the tile */
+    const int *by_slab;      /* mask of rays per slab, from the one before the tile's first */
 } spsi_sampler_rays;
 
-/* Clips the range of samples to the bricks. */
 static inline void spsi_sampler_line_clip(const spsi_pyramid_level *field, spsi_sampler_line *line) {
     const spsi_v zero = spsi_set(0);
     for (int k = 0; k < 3; ++k) {
@@ -11613,7 +11590,6 @@ static inline void spsi_sampler_line_clip(const spsi_pyramid_level *field, spsi_
     }
 }
 
-/* Builds the samples of rays through any x, y of the image. */
 static inline void spsi_sampler_line_build(const spsi_sampler *t, const spsi_tile *tile, spsi_v x, spsi_v y, int steps,
                                            spsi_sampler_line *line) {
     const spsi_v base = spsi_linear_base_at(&t->slab, x, y), per_step = spsi_set(1 / (float)steps);
@@ -11629,7 +11605,7 @@ static inline void spsi_sampler_line_build(const spsi_sampler *t, const spsi_til
     spsi_sampler_line_clip(t->field, line);
 }
 
-/* Builds ray number `part` of each pixel, with all lanes active. */
+/* Builds ray number `part` of each pixel. */
 static inline void spsi_sampler_rays_build(const spsi_sampler *t, const spsi_tile *tile, spsi_v x, spsi_v y, int part,
                                            int steps, spsi_sampler_rays *rays) {
     const int row = t->rays == 2 ? part : part / t->side;
@@ -11652,7 +11628,6 @@ static inline void spsi_sampler_rays_build(const spsi_sampler *t, const spsi_til
     rays->limit = spsi_set(SPSI_INFINITY);
 }
 
-/* Begins a row's rays at the near plane, and ends them at polygons. */
 static inline void spsi_sampler_rays_limit(const spsi_sampler *t, const spsi_tile *tile, int x, int y,
                                            spsi_sampler_rays *rays) {
     const spsi_v steps = spsi_set((float)rays->steps), last = spsi_set((float)tile->slab_count);
@@ -11682,7 +11657,6 @@ static inline spsi_v spsi_sampler_sample(const spsi_sampler *t, const spsi_sampl
     return spsi_sampler_values(t, place, lanes, count);
 }
 
-/* Mask of points inside the bricks. */
 static inline int spsi_sampler_inside(const spsi_pyramid_level *field, const spsi_v place[3]) {
     int lanes = SPSI_ALL_LANES;
     for (int k = 0; k < 3; ++k) {
@@ -11692,7 +11666,7 @@ static inline int spsi_sampler_inside(const spsi_pyramid_level *field, const sps
     return lanes;
 }
 
-/* Integral over part of a slab on one ray, from separate samples. */
+/* Integral over part of a slab on one ray. */
 static float spsi_sampler_part(const spsi_sampler *t, const spsi_sampler_rays *rays, int lane, float from, float to,
                                uint64_t *samples) {
     const float share = (to - from) / fabsf(spsi_lane(rays->per_slab, lane)) * (float)rays->steps;
@@ -11716,7 +11690,7 @@ static float spsi_sampler_part(const spsi_sampler *t, const spsi_sampler_rays *r
     return sum * step;
 }
 
-/* Slab integrals of rays in `lanes`: `whole`, unless the ray begins or ends between `enter` and `leave`. */
+/* Slab integrals: `whole`, unless the ray begins or ends inside. */
 static spsi_v spsi_sampler_cut(const spsi_sampler *t, const spsi_sampler_rays *rays, int lanes, spsi_v enter,
                                spsi_v leave, spsi_v whole, uint64_t *samples) {
     const spsi_v from = spsi_max(enter, rays->nearest), to = spsi_min(leave, rays->limit);
@@ -11733,7 +11707,7 @@ static spsi_v spsi_sampler_cut(const spsi_sampler *t, const spsi_sampler_rays *r
     return spsi_load(sums);
 }
 
-/* Range of needed slabs, within one slab of the rays' samples. */
+/* Range of needed slabs, within one slab of the samples. */
 static inline void spsi_sampler_slabs(const spsi_sampler_rays *rays, int count, int slabs[2]) {
     float low = SPSI_INFINITY, high = -SPSI_INFINITY;
     for (int n = 0; n <= rays->swings; ++n) {
@@ -11760,8 +11734,7 @@ static spsi_v spsi_only(spsi_v a, int lanes) {
     return spsi_load(values);
 }
 
-/* Adds slab integrals to sheets of `size` floats, at `at` in each. A sample before and one behind each slab yield its
-   end slopes. */
+/* Adds slab integrals to sheets of `size` floats, at `at`. One more sample on either side yields slopes. */
 static void spsi_sampler_add(const spsi_sampler *t, spsi_tile *tile, const spsi_sampler_rays *rays, float *sheets,
                              size_t at, size_t size) {
     const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale / (float)rays->steps));
@@ -11771,7 +11744,7 @@ static void spsi_sampler_add(const spsi_sampler *t, spsi_tile *tile, const spsi_
     int slabs[2];
     spsi_sampler_slabs(rays, tile->slab_count, slabs);
     if (slabs[0] >= slabs[1]) return;
-    const int *need = rays->by_slab + 1 + slabs[0]; /* lanes that need each slab */
+    const int *need = rays->by_slab + 1 + slabs[0]; /* lanes per slab */
     if (!t->lone) before = spsi_sampler_sample(t, rays, slabs[0] * steps - 1, need[0], &tile->samples);
     first = spsi_sampler_sample(t, rays, slabs[0] * steps, need[0] | (steps == 1 ? need[1] : 0), &tile->samples);
     at += (size_t)slabs[0] * size;
@@ -11799,7 +11772,6 @@ static void spsi_sampler_add(const spsi_sampler *t, spsi_tile *tile, const spsi_
     }
 }
 
-/* Adds integrals of pixels in `lanes` to their sheets, in the slabs that need them. */
 static void spsi_sampler_row(const spsi_sampler *t, spsi_tile *tile, int x, int y, int lanes, const int *by_slab,
                              int steps, float *sheets) {
     const size_t at = (size_t)((y - tile->y0) * tile->pitch + x - tile->x0);
@@ -11816,37 +11788,34 @@ static void spsi_sampler_row(const spsi_sampler *t, spsi_tile *tile, int x, int 
 
 /* ---- patches of sixteen rays ---- */
 
-/* Pixels represented by 4 x 4 rays, from the first to the last of its columns and rows. Cubics interpolate between
-   these. */
+/* A patch of pixels and its 4 x 4 rays, from the first column and row to the last. */
 typedef struct spsi_sampler_patch {
     int x0, y0, x1, y1;
-    float x[16], y[16]; /* rays, row by row */
+    float x[16], y[16]; /* row by row */
 } spsi_sampler_patch;
 
-/* Ray at a corner: bit 0 selects the right column, bit 1 the lower row. */
+/* Ray at a corner: bit 0 is right, bit 1 down. */
 static inline int spsi_sampler_corner(int corner) { return 3 * (corner & 1) + 12 * (corner >> 1); }
 
 static float spsi_sampler_slabs_per_depth(const spsi_sampler *t, float x, float y) {
     return t->slab.slope[0] + x * t->slab.slope[1] + y * t->slab.slope[2];
 }
 
-/* Error bound of a slab's mean. Rays cross `way` voxels in steps of h; `bend` bounds the third derivative. The
-   corrected midpoint rule contributes h^3 / 192 (integrated Peano kernel), differences in its correction h^3 / (288
-   steps). */
+/* Error bound of a slab's mean, with `way` voxels crossed in steps of h, and third derivative `bend`: h^3 / 192 of it
+   for the corrected midpoint rule (integrated Peano kernel), h^3 / (288 steps) for differences in the correction. */
 static float spsi_sampler_steps_bound(float bend, float way, int steps) {
     const float h = way / (float)steps;
     return bend * h * h * h * (1 / 192.0f + 1 / (288.0f * (float)steps));
 }
 
-/* Depth where a corner's ray crosses a slab plane of the tile. */
+/* Depth where a corner's ray crosses a slab plane. */
 static float spsi_sampler_patch_depth(const spsi_sampler *t, const spsi_sampler_patch *patch, int corner, int plane) {
     const float x = patch->x[spsi_sampler_corner(corner)], y = patch->y[spsi_sampler_corner(corner)];
     const float base = t->slab.base[0] + x * t->slab.base[1] + y * t->slab.base[2];
     return ((float)plane - base) / spsi_sampler_slabs_per_depth(t, x, y);
 }
 
-/* Greatest distance in voxels between the first two corners of a row (axis 0) or column (1), on the tile's end
-   planes. */
+/* Length of a patch in voxels along its rows (axis 0) or columns (1). */
 static float spsi_sampler_patch_extent(const spsi_sampler *t, const spsi_tile *tile, const spsi_sampler_patch *patch,
                                        int axis) {
     float most = 0;
@@ -11869,19 +11838,18 @@ static float spsi_sampler_patch_extent(const spsi_sampler *t, const spsi_tile *t
     return sqrtf(most);
 }
 
-/* Error of a cubic with nodes at 0, w / 3, 2 w / 3 and w: w^3 / 378.8 times the third derivative (integrated Peano
-   kernel). Its weights add up to 1.631 in magnitude at most. */
+/* Error of a cubic with nodes at 0, w / 3, 2 w / 3, w: w^3 / 378.8 of the third derivative (integrated Peano kernel).
+   The greatest sum of its weights' magnitudes. */
 #define SPSI_CUBIC_BOUND   (1 / 378.8f)
 #define SPSI_CUBIC_WEIGHTS 1.631f
 
-/* Error bound of a patch's cubics for a third derivative of 1. The weights along one axis amplify the error of the
-   other. */
+/* Error of a patch's cubics for a third derivative of 1; the weights of one axis amplify the other's error. */
 static float spsi_sampler_patch_bound(const spsi_sampler *t, const spsi_tile *tile, const spsi_sampler_patch *patch) {
     const float x = spsi_sampler_patch_extent(t, tile, patch, 0), y = spsi_sampler_patch_extent(t, tile, patch, 1);
     return SPSI_CUBIC_BOUND * (spsi_fmin(x * x * x, y * y * y) * SPSI_CUBIC_WEIGHTS + spsi_fmax(x * x * x, y * y * y));
 }
 
-/* Depth range without begins of rays and polygons. */
+/* Depths between which no ray of a patch begins or ends. */
 static void spsi_sampler_patch_range(const spsi_sampler *t, const spsi_tile *tile, const spsi_sampler_patch *patch,
                                      float range[2]) {
     float deepest = -SPSI_INFINITY;
@@ -11896,13 +11864,13 @@ static void spsi_sampler_patch_range(const spsi_sampler *t, const spsi_tile *til
             range[1] = spsi_fmin(range[1], spsi_hit_depth(tile->limits, tile->limit_width, tile->limit_height, x, y));
 }
 
-/* Bounding boxes of slabs on a patch's rays, in sample coordinates. */
+/* Boxes of slabs on a patch's rays, in sample coordinates. */
 typedef struct spsi_sampler_boxes {
     spsi_v low[3], high[3];
     spsi_v begin, end; /* depths */
 } spsi_sampler_boxes;
 
-/* Extends boxes to a corner's ray within slabs, and `beyond` slabs to either side. */
+/* Extends boxes to a corner's ray in slabs, and `beyond` slabs to either side. */
 static inline void spsi_sampler_boxes_extend(const spsi_sampler *t, const spsi_sampler_patch *patch, int corner,
                                              spsi_v slab, float beyond, spsi_sampler_boxes *boxes) {
     const float x = patch->x[spsi_sampler_corner(corner)] + (corner & 1 ? t->aside : -t->aside);
@@ -11923,10 +11891,9 @@ static inline void spsi_sampler_boxes_extend(const spsi_sampler *t, const spsi_s
     }
 }
 
-/* Octants that boxes meet along an axis. An octant's bound covers the next one too, so octants are visited in pairs.
-   Finds the first octant and the beginning of the last pair; returns the greatest number of pairs. A sample's
-   differences begin up to taps / 2 - 1 before it and taps / 2 behind it. A coarser level's differences are sums of
-   finer ones up to 2.5 voxels away. */
+/* Octants that boxes meet along an axis. Bounds cover the next octant too: finds the first octant and the last pair,
+   and returns the number of pairs. A sample's differences begin up to taps / 2 - 1 before it and taps / 2 behind it. A
+   level's differences sum finer ones up to 2.5 voxels away. */
 static int spsi_sampler_boxes_eighths(const spsi_sampler *t, const spsi_sampler_boxes *boxes, int axis, spsi_v *first,
                                       spsi_v *last) {
     const float size = (float)(1 << t->level), edge = SPSI_BRICK / 2, apart = t->level ? 2.5f : 0;
@@ -11946,7 +11913,6 @@ static int spsi_sampler_boxes_eighths(const spsi_sampler *t, const spsi_sampler_
     return (int)most / 2 + 1;
 }
 
-/* Bound of the third derivative in boxes. */
 static spsi_v spsi_sampler_boxes_thirds(const spsi_sampler *t, const spsi_sampler_boxes *boxes) {
     const int width = 2 * t->finest->size[0], height = 2 * t->finest->size[1];
     spsi_v first[3], last[3], most = spsi_set(0);
@@ -11966,8 +11932,8 @@ static spsi_v spsi_sampler_boxes_thirds(const spsi_sampler *t, const spsi_sample
     return spsi_mul(most, spsi_set((float)(1 << 3 * t->level))); /* cubes of longer steps */
 }
 
-/* Bounds the third derivative around each slab, as far as `steps` samples per slab reach. Returns a mask of slabs that
-   all rays of the patch cross from side to side. */
+/* Bounds the third derivative around each slab, as far as `steps` samples reach. Returns a mask of slabs that all rays
+   cross fully. */
 static uint32_t spsi_sampler_patch_thirds(const spsi_sampler *t, const spsi_tile *tile, const spsi_sampler_patch *patch,
                                           int steps, float bends[SPSI_SAMPLER_SLABS + SPSI_LANES]) {
     const float beyond = 0.5f / (float)steps; /* middle of the next step */
@@ -11986,7 +11952,7 @@ static uint32_t spsi_sampler_patch_thirds(const spsi_sampler *t, const spsi_tile
     return whole;
 }
 
-/* Lagrange weights at u for nodes at 0 to 3. */
+/* Lagrange weights at u for nodes 0 to 3. */
 static void spsi_sampler_cubic(float u, float weights[4]) {
     weights[0] = (u - 1) * (u - 2) * (u - 3) / -6;
     weights[1] = u * (u - 2) * (u - 3) / 2;
@@ -11994,10 +11960,10 @@ static void spsi_sampler_cubic(float u, float weights[4]) {
     weights[3] = u * (u - 1) * (u - 2) / 6;
 }
 
-/* Position of pixel number `i` of `count` between these nodes. */
+/* Position of pixel `i` of `count` between nodes. */
 static float spsi_sampler_ray_position(int i, int count) { return count > 1 ? 3 * (float)i / (float)(count - 1) : 0; }
 
-/* Weights of the four columns for a vector of pixels of a patch, from column `x` on. */
+/* Column weights for a vector of pixels. */
 static inline void spsi_sampler_across(int x, int width, spsi_v across[4]) {
     float lanes[4][SPSI_LANES];
     memset(lanes, 0, sizeof lanes);
@@ -12009,7 +11975,6 @@ static inline void spsi_sampler_across(int x, int width, spsi_v across[4]) {
     for (int k = 0; k < 4; ++k) across[k] = spsi_load(lanes[k]);
 }
 
-/* Adds an interpolated sheet of a patch to a vector of columns. */
 static inline void spsi_sampler_spread(const float *sums, const float down[][4], int height, const spsi_v across[4],
                                        float *sheet, size_t pitch) {
     for (int y = 0; y < height; ++y, sheet += pitch) {
@@ -12023,7 +11988,7 @@ static inline void spsi_sampler_spread(const float *sums, const float down[][4],
     }
 }
 
-/* Adds the interpolated sheets of a patch, from 16 sums per slab. */
+/* Adds a patch's sheets, interpolated from 16 sums per slab. */
 static void spsi_sampler_patch_spread(const spsi_tile *tile, const spsi_sampler_patch *patch, const int slabs[2],
                                       const float *sums, float *sheets) {
     const int width = patch->x1 - patch->x0 + 1, height = patch->y1 - patch->y0 + 1;
@@ -12045,7 +12010,7 @@ static void spsi_sampler_patch_spread(const spsi_tile *tile, const spsi_sampler_
     }
 }
 
-/* Traces a patch's sixteen pixels, one or several rays each, through slabs[0] to slabs[1] - 1. */
+/* Traces a patch's rays through slabs[0] to slabs[1] - 1. */
 static void spsi_sampler_patch_add(const spsi_sampler *t, spsi_tile *tile, const spsi_sampler_patch *patch,
                                    const int slabs[2], int steps, float *sheets) {
     float sums[SPSI_SAMPLER_SLABS * 16];
@@ -12064,7 +12029,7 @@ static void spsi_sampler_patch_add(const spsi_sampler *t, spsi_tile *tile, const
     spsi_sampler_patch_spread(tile, patch, slabs, sums, sheets);
 }
 
-/* Most voxels that rays cross in a slab, at the tile's corners. */
+/* Most voxels crossed in a slab, at the tile's corners. */
 static float spsi_sampler_crossed(const spsi_sampler *t, const spsi_tile *tile) {
     float most = 0;
     for (int corner = 0; corner < 4; ++corner) {
@@ -12079,7 +12044,7 @@ static float spsi_sampler_crossed(const spsi_sampler *t, const spsi_tile *tile) 
     return most;
 }
 
-/* Samples per slab where rays cross `way` voxels. */
+/* Samples per slab that crosses `way` voxels. */
 static int spsi_sampler_steps(const spsi_sampler *t, float way) {
     const float steps = ceilf(spsi_fmin(way / (float)spsi_sampler_step(t->fields), SPSI_SAMPLER_MOST));
     return t->lone ? 1 : spsi_imax(1, (int)steps);
@@ -12110,15 +12075,15 @@ SPSI_COLD void spsi_sampler_build(const spsi_pyramid *fields, const spsi_lattice
     sampler->near_d = spsi_rays_begin(rays);
 }
 
-/* Kernel reach in voxels as read. Downsampling adds up to 1.5 voxels of the level. */
+/* Kernel reach in voxels as read; downsampling adds up to 1.5 of the level's. */
 static double spsi_sampler_reach(const spsi_sampler *sampler) {
     const double reach = sampler->fields->taps / 2.0;
     const int level = sampler->level + (sampler->mix > 0);
     return level ? (reach + 1.5) * (1 << level) : reach;
 }
 
-/* Footprint variances at ray coordinates (x t, y t, t), without the pixel filter: the least of any direction, and a
-   circle's of the same area. */
+/* Variance of a footprint at ray coordinates, without the pixel filter: the least, and that of a circle of equal
+   area. */
 static void spsi_footprint_variances(const spsi_splatter *s, const double q[3], double *least, double *area) {
     const double t = s->perspective ? q[2] : 1, x = s->perspective ? q[0] / t : 0, y = s->perspective ? q[1] / t : 0;
     double c[6], xx, yy, xy;
@@ -12130,24 +12095,23 @@ static void spsi_footprint_variances(const spsi_splatter *s, const double q[3], 
     *area = sqrt(spsi_dmax(xx * yy - xy * xy, 0));
 }
 
-/* Reason to splat or gather a volume in a target. */
 typedef enum spsi_verdict {
     SPSI_SPLAT_ASKED = 0,
-    SPSI_SPLAT_SMALL, /* voxels are smaller than the pixel filter */
+    SPSI_SPLAT_SMALL, /* smaller than the pixel filter */
     SPSI_SPLAT_NEAR,
     SPSI_SPLAT_THICK,
     SPSI_SPLAT_SPREAD, /* no pyramid */
-    SPSI_SPLAT_OPAQUE, /* opaque matter, whose skin a truncated kernel would shade */
+    SPSI_SPLAT_OPAQUE, /* opaque: a truncated kernel would shade its skin */
     SPSI_SPLAT_CHEAPER,
-    SPSI_SPLAT_MASS, /* gas into cells, where samples would lose mass */
-    SPSI_DEPOSITED,  /* likewise, with voxels smaller than samples */
+    SPSI_SPLAT_MASS, /* gas in cells: samples would lose mass */
+    SPSI_DEPOSITED,  /* likewise, smaller than samples */
     SPSI_GATHER_ASKED,
     SPSI_GATHER_CHEAPER
 } spsi_verdict;
 
 static inline int spsi_gathers(spsi_verdict verdict) { return verdict >= SPSI_GATHER_ASKED; }
 
-/* A ray's path through a slab, in voxels along each axis; `q` lies on the ray. */
+/* Path of the ray through `q` across a slab, in voxels along each axis. */
 SPSI_COLD void spsi_sampler_longest(const spsi_sampler *sampler, const spsi_rays *rays, const double q[3],
                                     double way[3]) {
     const double x = rays->perspective ? q[0] / q[2] : q[0], y = rays->perspective ? q[1] / q[2] : q[1];
@@ -12159,8 +12123,8 @@ SPSI_COLD void spsi_sampler_longest(const spsi_sampler *sampler, const spsi_rays
     }
 }
 
-/* Samples per voxel volume at ray coordinates `q`: rays per cross-section times steps per length. More than four rays
-   count as four; otherwise gas in perspective would be splatted and appear wider. */
+/* Samples per voxel volume at `q`. More than four rays count as four; otherwise gas in perspective would be splatted
+   and appear wider. */
 SPSI_COLD double spsi_sampler_density(const spsi_sampler *sampler, const spsi_rays *rays, const double q[3]) {
     const double depth = q[2] - rays->depth_reference;
     double across[2][3], way[3], steps;
@@ -12172,13 +12136,11 @@ SPSI_COLD double spsi_sampler_density(const spsi_sampler *sampler, const spsi_ra
     return steps * spsi_imin(sampler->rays, 4) / fabs(spsi_determinant(across[0], across[1], way));
 }
 
-/* Tests a level for rays at ray coordinates `q`. */
 SPSI_COLD spsi_verdict spsi_sampler_serves_at(spsi_sampler *sampler, const spsi_rays *rays,
                                               const spsi_splatter *splatter, const double q[3]) {
     const double pitch = spsi_dmin(spsi_length(rays->a), spsi_length(rays->b));
     const double finer = (double)(sampler->side << sampler->level);
-    const int many = sampler->level > 0 && sampler->side > 2; /* more rays: an isolated voxel's mass depends less on its
-                                                                 position */
+    const int many = sampler->level > 0 && sampler->side > 2; /* lone voxels keep their mass better */
     const double least = sampler->rays == 2 ? SPSI_SAMPLER_TWO : many ? SPSI_SAMPLER_LONE : SPSI_SAMPLER_VARIANCE;
     double way[3], widest, variance, area;
     if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return SPSI_SPLAT_NEAR;
@@ -12195,7 +12157,7 @@ SPSI_COLD spsi_verdict spsi_sampler_serves_at(spsi_sampler *sampler, const spsi_
     return SPSI_GATHER_ASKED;
 }
 
-/* Ray coordinates of a corner of the box of bricks, or of its middle (corner 8). */
+/* Ray coordinates of a corner of the bricks' box, or its middle (8). */
 SPSI_COLD void spsi_sampler_point(const spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays,
                                   int corner, double q[3]) {
     const spsi_pyramid_level *field = &sampler->fields->list[lattice->medium];
@@ -12208,7 +12170,7 @@ SPSI_COLD void spsi_sampler_point(const spsi_sampler *sampler, const spsi_lattic
     spsi_point_to_rays(rays, point, q);
 }
 
-/* Tests a level for these rays: voxel size against texels, distance from the rays' origin, thickness of slabs. */
+/* Tests voxel size against texels, distance from the rays' origin, and slab thickness. */
 SPSI_COLD spsi_verdict spsi_sampler_serves(spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays,
                                            const spsi_splatter *splatter) {
     for (int corner = 0; corner < 8; ++corner) {
@@ -12220,7 +12182,7 @@ SPSI_COLD spsi_verdict spsi_sampler_serves(spsi_sampler *sampler, const spsi_lat
     return SPSI_GATHER_ASKED;
 }
 
-/* True if gathering costs less than splatting, estimated in the volume's middle. */
+/* Compares the costs of gathering and splatting in the volume's middle. */
 SPSI_COLD int spsi_sampler_pays(const spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays,
                                 const spsi_splatter *splatter) {
     const spsi_pyramid_level *field = &sampler->fields->list[lattice->medium];
@@ -12229,15 +12191,14 @@ SPSI_COLD int spsi_sampler_pays(const spsi_sampler *sampler, const spsi_lattice 
     spsi_sampler_point(sampler, lattice, rays, 8, q);
     spsi_footprint_variances(splatter, q, &least, &area);
     area *= SPSI_PI * cut * cut;
-    fragments = area * (1 + 4.0 / 3 * (double)splatter->reach_slabs); /* mean chord of a sphere is 4 / 3 radii */
+    fragments = area * (1 + 4.0 / 3 * (double)splatter->reach_slabs); /* mean chord of a sphere */
     samples = field->volume / (size * size * size) * spsi_sampler_density(sampler, rays, q);
     return samples * (sampler->fields->taps == 4 ? SPSI_COST_SAMPLE : SPSI_COST_SAMPLE_WIDE) <
            field->voxels * (SPSI_COST_FOOTPRINT + SPSI_COST_FRAGMENT * fragments);
 }
 
-/* Number of coarser levels. A classified volume has none, because a transfer function of a mean is not the mean of the
-   transfer function. At high quality and beyond, the same holds for voxels more than twice as long as wide: a level is
-   wider along all edges. */
+/* Number of coarser levels, none if classified. At high quality and beyond, none for voxels more than twice as long as
+   wide: a level is wider along all edges. */
 SPSI_COLD int spsi_levels_wanted(const spsi_frame *frame, int medium) {
     const spsi_lattice *lattice = &frame->lattices[medium];
     double shortest = HUGE_VAL, longest = 0;
@@ -12249,17 +12210,16 @@ SPSI_COLD int spsi_levels_wanted(const spsi_frame *frame, int medium) {
     return frame->view.quality > SPS_QUALITY_MEDIUM && longest > 2 * shortest ? 0 : SPSI_LEVELS;
 }
 
-/* Optical depth of a gas's densest voxel; 0 if classified or not read. */
+/* Optical depth of the densest voxel; 0 if classified or not read. */
 SPSI_COLD double spsi_medium_depth(const spsi_frame *frame, const spsi_lattice *lattice) {
     const spsi_material *material = &frame->matter.materials[frame->media[lattice->medium].channel];
     const double extinction = (double)material->extinction * (double)frame->content->fields->list[lattice->medium].most;
     return material->table ? 0 : extinction * cbrt(lattice->voxel_volume);
 }
 
-/* Sampling pattern of a pixel or texel. */
 typedef enum spsi_sample_pattern {
-    SPSI_SAMPLER_PIXELS, /* one ray, or several where voxels are smaller */
-    SPSI_SAMPLER_SHEETS  /* a light's texels: one ray first, at any level */
+    SPSI_SAMPLER_PIXELS, /* one ray, or several for smaller voxels */
+    SPSI_SAMPLER_SHEETS  /* a light's: one ray first, at any level */
 } spsi_sample_pattern;
 
 /* True if one sample per slab is enough. */
@@ -12273,7 +12233,7 @@ SPSI_COLD int spsi_sampler_is_fine(const spsi_sampler *sampler, const spsi_latti
     return 1;
 }
 
-/* True if a volume ends before rays begin. Its coarser levels may reach pixels farther. */
+/* True if a volume ends before rays begin; coarser levels may reach pixels farther. */
 static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *rays) {
     spsi_bounds bounds = spsi_nowhere;
     spsi_medium_bounds(medium, SPSI_REACH, &bounds);
@@ -12286,10 +12246,9 @@ static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *ray
     return 1;
 }
 
-/* Builds and tests the sampler of a level. A classified volume takes one sample per slab where that is enough: a
-   parabola through samples is as exact as one through means, and needs only adjacent slabs. Slabs as thick as pixels
-   demand also get one, because a mean of several is classified like none of them. Nine rays replace four that lose an
-   isolated voxel's mass, or whose 4 taps cut its edge off. */
+/* Builds and tests a level's sampler. Classified volumes take one sample where enough: its parabola is as exact as one
+   through means, and needs only adjacent slabs. Slabs as thick as pixels demand also get one; a mean of several would
+   be classified wrongly. Nine rays replace four that lose a lone voxel's mass, or whose 4 taps cut off its edge. */
 SPSI_COLD spsi_verdict spsi_sampler_try(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                         const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int count,
                                         spsi_sampler *sampler) {
@@ -12306,9 +12265,8 @@ SPSI_COLD spsi_verdict spsi_sampler_try(const spsi_frame *frame, const spsi_latt
     return verdict;
 }
 
-/* Decides how a volume fills sheets, and builds its sampler. Takes the frame's level with the fewest rays that suffice.
-   Before a level is chosen: the finest level that two or four rays suit, else the coarsest with the fewest rays, the
-   cheapest. */
+/* Decides how a volume fills sheets, and builds its sampler: the frame's level with the fewest rays that suffice. If
+   none is chosen yet: the finest level for two or four rays, else the coarsest, the cheapest. */
 SPSI_COLD spsi_verdict spsi_sampler_judge(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                           const spsi_slabs *slabs, const spsi_splatter *splatter,
                                           spsi_sample_pattern pattern, spsi_sampler *sampler) {
@@ -12336,9 +12294,9 @@ SPSI_COLD spsi_verdict spsi_sampler_judge(const spsi_frame *frame, const spsi_la
     return chosen > 0 || spsi_sampler_pays(sampler, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
 }
 
-/* Weight of the next coarser level, a multiple of 1 / 128. It grows from 0 to 1 over the last octave of variance before
-   that level takes over, so that nothing jumps. It takes over where four rays are too few and its voxels are narrow
-   enough. In perspective, the volume's far side decides the first, its near side the second. */
+/* Weight of the next level, in 128ths. It grows from 0 to 1 over the last octave of variance before that level takes
+   over. It does so where four rays are too few and its voxels narrow enough. In perspective, the far side decides the
+   first, the near side the second. */
 static float spsi_levels_mix(const spsi_frame *frame, const spsi_sampler *sampler) {
     const double wide = 4 * (double)sampler->widest * (double)sampler->widest / SPSI_SAMPLER_WIDEST;
     const double octaves = log(spsi_dmax((double)sampler->least / SPSI_SAMPLER_VARIANCE, wide)) / log(2.0);
@@ -12348,8 +12306,7 @@ static float spsi_levels_mix(const spsi_frame *frame, const spsi_sampler *sample
     return (float)floor(128 * spsi_dmin(1 - octaves, 0.9925)) / 128;
 }
 
-/* Extends the content's bounds by the reach of levels beyond the voxels' own kernels. `chooses`: also sets the frame's
-   levels. */
+/* Extends the content's bounds by the levels' reach. `chooses`: also sets the frame's levels. */
 static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs, int chooses) {
     spsi_bounds *bounds = &frame->content->bounds;
     for (int m = 0; m < frame->medium_count; ++m) {
@@ -12372,8 +12329,7 @@ static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, c
     }
 }
 
-/* Chooses the volumes' levels for the camera's pixels. If a light had another level, gas would lie before or behind its
-   own shadow. */
+/* Chooses levels for the camera's pixels. */
 static void spsi_levels_choose(const spsi_frame *frame) {
     spsi_content *content = frame->content;
     spsi_slabs slabs;
@@ -12386,17 +12342,16 @@ static void spsi_levels_choose(const spsi_frame *frame) {
 
 /* --- building pyramids --- */
 
-/* Taps along an axis. At medium quality, 4 truncate less than the slabs' error. */
+/* Taps per axis. At medium quality, 4 truncate less than slabs err. */
 SPSI_COLD int spsi_taps_wanted(const spsi_frame *frame) { return frame->view.quality > SPS_QUALITY_MEDIUM ? 6 : 4; }
 
-/* Key of the pyramids needed to gather volumes or for surface gradients; 0: none. */
+/* Key of the pyramids needed; 0: none. */
 static int spsi_pyramids_wanted(const spsi_frame *frame) {
     if (frame->medium_count == 0 || (frame->view.filling == SPS_FILLING_SPLAT && !frame->has_gradients)) return 0;
     return spsi_taps_wanted(frame) + 8 * frame->has_gradients;
 }
 
-/* Maximum number of bricks in a grid: floats cannot count more, and sparser volumes are splatted unless they have
-   surfaces. */
+/* Maximum bricks of a grid: floats count them; sparser volumes are splatted, unless they have surfaces. */
 SPSI_COLD size_t spsi_pyramid_cells_most(const spsi_frame *frame, size_t bricks) {
     const size_t most = frame->has_gradients ? SPSI_PYRAMID_CELLS : 64 * bricks + 65536;
     return bricks < (SPSI_PYRAMID_CELLS - 65536) / 64 ? most : SPSI_PYRAMID_CELLS;
@@ -12404,7 +12359,6 @@ SPSI_COLD size_t spsi_pyramid_cells_most(const spsi_frame *frame, size_t bricks)
 
 #define SPSI_PYRAMID_GRID_BYTES (3 * sizeof(int) + SPSI_PYRAMID_REACHES * sizeof(uint32_t[2])) /* per brick of a grid */
 
-/* Bytes of a stored brick. */
 SPSI_COLD size_t spsi_pyramid_brick_bytes(int taps) {
     return spsi_pyramid_floats(taps) * sizeof(float) + SPSI_BRICK * sizeof(uint64_t);
 }
@@ -12415,7 +12369,7 @@ SPSI_COLD void spsi_levels_place(spsi_pyramid *fields, int medium) {
         spsi_level_place(n ? &fields->levels[medium][n - 1] : &fields->list[medium], &fields->levels[medium][n]);
 }
 
-/* A level that covers a whole volume and its reach. */
+/* A level that covers a whole volume. */
 SPSI_COLD void spsi_pyramid_whole(const spsi_medium *medium, spsi_pyramid_level *field) {
     for (int k = 0; k < 3; ++k) {
         field->low[k] = -1;
@@ -12423,7 +12377,7 @@ SPSI_COLD void spsi_pyramid_whole(const spsi_medium *medium, spsi_pyramid_level 
     }
 }
 
-/* True if a tolerance applies to any volume: not to classified or emissive ones. */
+/* True if the tolerance serves any volume, neither classified nor emissive. */
 SPSI_COLD int spsi_may_interpolate(const spsi_frame *frame) {
     for (int m = 0; m < frame->medium_count && frame->view.tolerance > 0; ++m) {
         const spsi_material *material = &frame->matter.materials[frame->media[m].channel];
@@ -12432,9 +12386,8 @@ SPSI_COLD int spsi_may_interpolate(const spsi_frame *frame) {
     return 0;
 }
 
-/* Counts an upper bound of the bytes of all pyramids; `bricks`: how many may be read per volume. A brick of voxels is
-   within reach of 3^3 bricks at each level: a finer level's and one around them span up to five. A side of less than
-   three bricks may grow to three. */
+/* Upper bound of all pyramids' bytes; `bricks`: as many as may be read per volume. Voxels are within reach of 3^3
+   bricks per level: the finer ones and their neighbours span up to five. Sides below three bricks may grow to three. */
 static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, const uint64_t *bricks) {
     const size_t each = spsi_pyramid_brick_bytes(spsi_taps_wanted(frame));
     spsi_reserve(context, SPSI_BUFFER_PYRAMIDS, 1, sizeof(spsi_pyramid));
@@ -12454,7 +12407,7 @@ static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, c
     }
 }
 
-/* Places the finest level of each volume. Returns the number of bricks in all grids. */
+/* Places the finest levels. Returns the bricks in all grids. */
 SPSI_COLD size_t spsi_pyramids_begin(const sps_context *context, const spsi_frame *frame, spsi_pyramid *fields) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     size_t all = 0;
@@ -12472,7 +12425,7 @@ SPSI_COLD size_t spsi_pyramids_begin(const sps_context *context, const spsi_fram
     return all;
 }
 
-/* Assigns memory to a grid. Returns its end. */
+/* Assigns a grid's memory; returns its end. */
 SPSI_COLD int *spsi_pyramid_lay(spsi_pyramid_level *field, int *memory) {
     const size_t cells = spsi_pyramid_cells(field);
     field->grid = memory;
@@ -12484,7 +12437,7 @@ SPSI_COLD int *spsi_pyramid_lay(spsi_pyramid_level *field, int *memory) {
     return memory;
 }
 
-/* Builds the grids of all volumes, unless they are cached or not needed. */
+/* Builds all grids, unless cached or not needed. */
 SPSI_COLD sps_result spsi_pyramids_place(sps_context *context, const spsi_frame *frame) {
     const int taps = spsi_taps_wanted(frame);
     if (!spsi_pyramids_wanted(frame)) return SPS_OK;
@@ -12510,13 +12463,13 @@ SPSI_COLD sps_result spsi_pyramids_place(sps_context *context, const spsi_frame 
     return SPS_OK;
 }
 
-/* Memory for the bricks of several levels. */
+/* Memory for several levels. */
 typedef struct spsi_pyramid_stock {
     float *values;
     size_t count, used; /* bricks */
 } spsi_pyramid_stock;
 
-/* Fills a level of a medium: from `fine`, the next finer level, or from its relevant voxels. */
+/* Fills a level from `fine`, or from relevant voxels. */
 SPSI_COLD void spsi_pyramid_fill(sps_context *context, const spsi_frame *frame, int medium, spsi_pyramid_stock *stock,
                                  const spsi_pyramid_level *fine, spsi_pyramid_level *field) {
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
@@ -12534,7 +12487,7 @@ SPSI_COLD void spsi_pyramid_fill(sps_context *context, const spsi_frame *frame, 
     spsi_parallel_by(context, SPSI_PYRAMID_BATCH, field->count, spsi_pyramid_apron_task, &job);
 }
 
-/* Fills the finest levels once, when the first volume is gathered. */
+/* Fills the finest levels, once. */
 SPSI_COLD sps_result spsi_pyramids_fill(sps_context *context, const spsi_frame *frame) {
     spsi_pyramid *fields = frame->content->fields;
     const size_t bytes = spsi_pyramid_brick_bytes(fields->taps);
@@ -12548,12 +12501,11 @@ SPSI_COLD sps_result spsi_pyramids_fill(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Number of a volume's coarser levels, at most `most`. */
 static int spsi_levels_held(const spsi_frame *frame, int medium, int most) {
     return frame->content->fields->list[medium].count > 0 ? spsi_imin(most, spsi_levels_wanted(frame, medium)) : 0;
 }
 
-/* Builds grids of coarser levels. Returns the number of their bricks. */
+/* Builds grids of coarser levels. Returns their bricks. */
 SPSI_COLD size_t spsi_levels_number(const spsi_frame *frame, int levels, int *memory, spsi_pyramid *fields) {
     size_t count = 0;
     for (int m = 0; m < frame->medium_count; ++m)
@@ -12566,7 +12518,7 @@ SPSI_COLD size_t spsi_levels_number(const spsi_frame *frame, int levels, int *me
     return count;
 }
 
-/* Fills coarser levels once, when a volume is gathered from one. The finest are filled already. */
+/* Fills coarser levels, once. */
 SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame, int levels) {
     spsi_pyramid *fields = frame->content->fields;
     spsi_pyramid_stock stock = {NULL, 0, 0};
@@ -12589,9 +12541,9 @@ SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *fr
     return SPS_OK;
 }
 
-/* --- third differences of volumes --- */
+/* --- third differences --- */
 
-/* Bounds of single octants; they stay 0 in bricks that are not stored. */
+/* Bounds of single octants. */
 static void spsi_thirds_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
     const spsi_pyramid_level *field = job->field;
@@ -12606,7 +12558,7 @@ static void spsi_thirds_task(void *data, int held) {
                      (size_t)(2 * at[0] + n % 2)] = bends[n];
 }
 
-/* Bounds the third differences of all filled volumes, once. */
+/* Bounds third differences, once. */
 SPSI_COLD sps_result spsi_pyramids_thirds(sps_context *context, const spsi_frame *frame) {
     spsi_pyramid *fields = frame->content->fields;
     size_t cells = 0;
@@ -12623,7 +12575,7 @@ SPSI_COLD sps_result spsi_pyramids_thirds(sps_context *context, const spsi_frame
         bends += count;
         if (field->count == 0) continue;
         spsi_parallel_by(context, SPSI_PYRAMID_BATCH, field->count, spsi_thirds_task, &job);
-        for (size_t k = 0, step = 1, line; k < 3; ++k, step = line) { /* maximum of each octant and the next ones */
+        for (size_t k = 0, step = 1, line; k < 3; ++k, step = line) { /* include the next octants */
             line = step * 2 * (size_t)field->size[k];
             for (size_t i = 0; i < count; ++i)
                 if (i % line < line - step) field->bends[i] = spsi_fmax(field->bends[i], field->bends[i + step]);
@@ -12634,22 +12586,21 @@ SPSI_COLD sps_result spsi_pyramids_thirds(sps_context *context, const spsi_frame
 }
 
 /* ============================================================================================== >>targets
-   22 Filling sheets. A target is a grid of rays with a sheet per slab: the camera's, a light's, or a map face's. Bricks
-   and particles in a chunk of SPSI_CHUNK slabs are splatted into it tile by tile, or volumes gathered. A tile is one
-   task that adds bricks, then particles, in order of their numbers. Sums are thus the same for any number of workers
-   and any region. Queues sort bricks and particles by the first chunk that they reach. A tile costs one comparison per
-   brick of the chunk; particles are binned by tile. Footprints inside patches of 8 x 8 pixels whose rays have all
-   terminated cost one test. */
+   22 Filling sheets. A target is a grid of rays with a sheet per slab: the camera's, a light's, or a map face's. A
+   chunk of SPSI_CHUNK slabs is filled tile by tile. A tile is one task that adds bricks, then particles, in order of
+   their numbers: sums are identical for any number of workers and any region. Queues sort both by the first chunk that
+   they reach. A tile costs one comparison per brick; particles are binned by tile. Footprints inside patches of 8 x 8
+   pixels whose rays have all terminated cost one test. */
 
 /* --- contents of the slabs --- */
 
 typedef struct spsi_queue {
-    uint16_t (*chunks)[2]; /* per item: first and last */
-    int *order;            /* sorted by first chunk, then by number */
-    int *starts;           /* per chunk, and the end: first item in `order` */
-    int *present;          /* items in the current chunk, by number */
-    int count;             /* all items */
-    int current;           /* items present */
+    uint16_t (*chunks)[2]; /* first and last, per item */
+    int *order;            /* by first chunk, then by number */
+    int *starts;           /* per chunk, and the end: first in `order` */
+    int *present;          /* in the current chunk, by number */
+    int count;
+    int current;           /* length of `present` */
 } spsi_queue;
 
 static sps_result spsi_queue_reserve(sps_context *context, spsi_buffer_id id, int count, int chunks,
@@ -12663,20 +12614,19 @@ static sps_result spsi_queue_reserve(sps_context *context, spsi_buffer_id id, in
     return SPS_OK;
 }
 
-/* Sets the chunks between two slab coordinates. */
 static void spsi_queue_set(spsi_queue *queue, int item, int chunks, double low, double high) {
     queue->chunks[item][0] = (uint16_t)spsi_dmin(spsi_dmax(floor(low / SPSI_CHUNK), 0), chunks - 1);
     queue->chunks[item][1] = (uint16_t)spsi_dmin(spsi_dmax(floor(high / SPSI_CHUNK), 0), chunks - 1);
 }
 
-/* Counting sort by first chunk. Returns the greatest number of items in a chunk. */
+/* Counting sort by first chunk. Returns the largest chunk's count. */
 static int spsi_queue_sort(spsi_queue *queue, int chunks) {
     int *passing = queue->starts + chunks + 1, here = 0, most = 0;
     memset(queue->starts, 0, ((size_t)chunks + 1) * sizeof(int));
     memset(passing, 0, ((size_t)chunks + 1) * sizeof(int));
     for (int i = 0; i < queue->count; ++i) {
         queue->starts[queue->chunks[i][0] + 1] += 1;
-        passing[queue->chunks[i][1] + 1] += 1; /* ended in the chunk before */
+        passing[queue->chunks[i][1] + 1] += 1; /* ended before this chunk */
     }
     for (int chunk = 0; chunk < chunks; ++chunk) {
         here += queue->starts[chunk + 1] - passing[chunk];
@@ -12688,7 +12638,7 @@ static int spsi_queue_sort(spsi_queue *queue, int chunks) {
     return most;
 }
 
-/* Advances to the next chunk, or restarts at 0. Items that reach it stay; new ones are merged in place, backwards. */
+/* Items that still reach the chunk stay; new ones are merged in place, backwards. Chunk 0 restarts. */
 static void spsi_queue_advance(spsi_queue *queue, int chunk) {
     int held = 0, added;
     if (queue->count == 0) return;
@@ -12708,12 +12658,12 @@ SPSI_COLD int spsi_holds_gas(const sps_context *context, const spsi_frame *frame
 
 /* --- a target --- */
 
-/* A chunk's particles as a target sees them, binned by tile. Particles on at most 2 x 2 tiles are listed with the top
-   left one; wider ones are in the last list, which every tile reads. */
+/* A chunk's particles, binned by tile. Particles on at most 2 x 2 tiles are listed with the top left one. Wider ones
+   are in the last list, which every tile reads. */
 typedef struct spsi_lists {
     spsi_projected_sphere *projected;
-    int *places;  /* per particle: 4 * list, plus its member's flags; -1: none */
-    int *members; /* 4 * index, plus 1 if it reaches the next column of tiles, 2 if the next row */
+    int *places;  /* per particle: 4 * list + flags; -1: none */
+    int *members; /* 4 * index, + 1 if it reaches the next column of tiles, + 2 the next row */
     int *starts;  /* per list, and the end: first member */
 } spsi_lists;
 
@@ -12725,15 +12675,14 @@ typedef struct spsi_sheets {
 
 typedef struct spsi_shape {
     int channels;
-    int slab_margin; /* slabs before and after a chunk: 1 for parabolas of classified volumes */
+    int slab_margin; /* around a chunk: 1 for parabolas of classified volumes */
 } spsi_shape;
 
-/* A target's purpose, which decides how volumes fill it. */
 typedef enum spsi_target_kind {
     SPSI_TARGET_EYE,
-    SPSI_TARGET_SAMPLES, /* samples for cells, or for light that spreads */
-    SPSI_TARGET_MAP,     /* this and later ones: lights */
-    SPSI_TARGET_COARSE,  /* a map with texels wider than classified voxels */
+    SPSI_TARGET_SAMPLES, /* samples for cells or spreading light */
+    SPSI_TARGET_MAP,     /* lights from here on */
+    SPSI_TARGET_COARSE,  /* texels wider than classified voxels */
     SPSI_TARGET_SHEETS
 } spsi_target_kind;
 
@@ -12745,22 +12694,21 @@ typedef struct spsi_target {
     int columns, rows;  /* tiles */
     spsi_shape shape;
     int channels[SPSI_VOLUMES_MAX];          /* per lattice; -1: not filled */
-    spsi_verdict verdicts[SPSI_VOLUMES_MAX]; /* gathered ones use `samplers` */
+    spsi_verdict verdicts[SPSI_VOLUMES_MAX]; /* gathered: by `samplers` */
     spsi_sampler samplers[SPSI_VOLUMES_MAX];
     int set_channels[SPSI_SETS_MAX];
     spsi_target_kind kind;
     spsi_splatter splatters[SPSI_VOLUMES_MAX];
     spsi_sphere_setup crossing;
-    int16_t (*brick_boxes)[4]; /* x0, y0, x1, y1 of each brick, in pixels; x1 < x0: empty */
+    int16_t (*brick_boxes)[4]; /* x0, y0, x1, y1, in pixels; x1 < x0: empty */
     spsi_lists particles;
     spsi_sheets sheets;
     uint64_t (*counts)[3]; /* per worker: footprints, fragments, samples */
-    float tolerance;       /* allowed interpolation error in optical depth; 0: no interpolation */
-    float *spent;          /* error used so far, per patch of each tile; NULL: none */
+    float tolerance;       /* interpolation error allowed, in optical depth; 0: none */
+    float *spent;          /* error per patch of each tile so far; NULL: none */
 } spsi_target;
 
-/* True if a volume may be interpolated: gathered gas without emission, at level 0 or 1. Voxels of coarser levels sum
-   beyond the bounds' reach. */
+/* Gathered gas without emission, at level 0 or 1, may be interpolated. Coarser voxels sum beyond the bounds' reach. */
 static int spsi_target_interpolates(const spsi_target *target, int medium) {
     const spsi_frame *frame = target->frame;
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
@@ -12773,7 +12721,6 @@ SPSI_COLD size_t spsi_spent_bytes(const spsi_rays *rays) {
     return 64 * sizeof(float) * (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays);
 }
 
-/* Begins to count the tolerance used, if any volume may use it. */
 SPSI_COLD sps_result spsi_target_begin_spending(sps_context *context, spsi_buffer_id id, spsi_target *target) {
     int spends = 0;
     target->spent = NULL;
@@ -12785,7 +12732,7 @@ SPSI_COLD sps_result spsi_target_begin_spending(sps_context *context, spsi_buffe
     return SPS_OK;
 }
 
-/* Most tolerance used by any patch. */
+/* Greatest error of any patch. */
 SPSI_COLD float spsi_target_spent(const spsi_target *target) {
     const size_t count = target->spent ? spsi_spent_bytes(target->rays) / sizeof(float) : 0;
     float most = 0;
@@ -12793,7 +12740,7 @@ SPSI_COLD float spsi_target_spent(const spsi_target *target) {
     return most;
 }
 
-/* A frame's bricks and particles, one chunk of slabs at a time, and the targets with these slabs. */
+/* Bricks and particles of a chunk, and the targets with these slabs. */
 typedef struct spsi_contents {
     sps_context *context;
     const spsi_frame *frame;
@@ -12802,7 +12749,7 @@ typedef struct spsi_contents {
     int target_count;
     const spsi_brick *list;
     spsi_queue bricks, particles;
-    int first_slab; /* current chunk's */
+    int first_slab; /* chunk's */
 } spsi_contents;
 
 SPSI_COLD void spsi_contents_advance(spsi_contents *contents, int chunk) {
@@ -12817,8 +12764,8 @@ static size_t spsi_shape_floats(const spsi_shape *shape) {
            2 * SPSI_LANES; /* vectors reach beyond */
 }
 
-/* The camera's sheets have a channel per material. A light's have one for all gases, and one per classified volume.
-   Classified volumes interpolate between slabs. */
+/* The camera's sheets have a channel per material. A light's have one for all gases and one per classified volume,
+   which needs a margin. */
 static spsi_shape spsi_shape_of(const spsi_frame *frame, int is_eye) {
     const int channels = is_eye ? frame->matter.material_count : frame->matter.light_channel_count;
     const spsi_shape shape = {channels, frame->matter.classifies};
@@ -12846,8 +12793,8 @@ SPSI_COLD void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays,
 }
 
 /* Decides how a volume fills a target. Lights store optical depths of gases and values of classified volumes. Sheets
-   and coarse maps end classified kernels early, without widening them to a texel; a mean would be classified wrongly.
-   Samples keep the mass of gas at any level; small voxels are deposited. Returns 0 if the volume is refused. */
+   and coarse maps end classified kernels early and do not widen them to a texel; means would be classified wrongly.
+   Samples keep the mass of gas at any level; small voxels are deposited. Returns 0 if refused. */
 static int spsi_target_judge(spsi_target *target, int i) {
     const spsi_frame *frame = target->frame;
     const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
@@ -12874,7 +12821,7 @@ static int spsi_target_judge(spsi_target *target, int i) {
     return 1;
 }
 
-/* True if a volume fills a target; lights skip volumes without extinction. */
+/* Lights skip volumes without extinction. */
 static int spsi_target_takes(const spsi_target *target, const spsi_medium *medium) {
     return target->kind < SPSI_TARGET_MAP || target->frame->matter.materials[medium->channel].extinguishes;
 }
@@ -12902,10 +12849,10 @@ static sps_result spsi_target_build(sps_context *context, const spsi_frame *fram
 
 #define SPSI_SUMMED_MOST 8192 /* particles summed in a sheet: each may lose half of 8192 roundings, 2.5e-4 */
 
-/* Tiles of sheets per worker: two if so many particles may meet that their sums are carried. */
+/* Tiles per worker: two if sums may be carried. */
 static size_t spsi_sheet_tiles(const spsi_frame *frame) { return frame->particles.count > SPSI_SUMMED_MOST ? 2 : 1; }
 
-/* Allocates a tile of sheets per worker, common to all targets, and counters per target. */
+/* A tile of sheets per worker, common to all targets, and counters per target. */
 SPSI_COLD sps_result spsi_targets_reserve(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const int count = contents->target_count;
@@ -12933,7 +12880,6 @@ SPSI_COLD sps_result spsi_targets_reserve(const spsi_contents *contents) {
 
 /* --- where bricks and particles are --- */
 
-/* Slab coordinates of a brick's voxel centres. */
 static void spsi_brick_slabs(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_slabs *slabs, double *low,
                              double *high) {
     double at[3], point[3];
@@ -12989,7 +12935,7 @@ static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick,
     box[3] = (int16_t)floor(spsi_dmax(spsi_dmin(high[1] + filter, rays->height - 1), -1));
 }
 
-/* Reach of a volume's voxels across slabs. Gathering reaches along the axes; means need one more sample for a slope. */
+/* Reach across slabs. Gathering reaches along the axes; means need one more sample for a slope. */
 static double spsi_target_reach(const spsi_target *target, int lattice) {
     const spsi_splatter *splatter = &target->splatters[lattice];
     double reach = 0;
@@ -13030,7 +12976,7 @@ static void spsi_particles_task(void *data, int i) {
     spsi_queue_set(&contents->particles, i, chunks, slab - room, slab + room);
 }
 
-/* List starts: tiles, wide particles, and the end. */
+/* Tiles, wide particles, and the end. */
 SPSI_COLD size_t spsi_list_starts(const spsi_rays *rays) {
     return (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays) + 2;
 }
@@ -13047,7 +12993,7 @@ SPSI_COLD sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id,
     return SPS_OK;
 }
 
-/* Fills the pyramid levels that targets gather, or that surface gradients need. */
+/* Fills the levels that targets gather, or surface gradients need. */
 SPSI_COLD sps_result spsi_contents_pyramids(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const double start = spsi_clock(context);
@@ -13067,7 +13013,7 @@ SPSI_COLD sps_result spsi_contents_pyramids(const spsi_contents *contents) {
     return SPS_OK;
 }
 
-/* Finds the chunks and boxes of all bricks, and allocates sheets. `second` may be NULL. */
+/* `second` may be NULL. */
 SPSI_COLD sps_result spsi_contents_build(sps_context *context, spsi_target *first, spsi_target *second,
                                          spsi_contents *contents) {
     static const spsi_buffer_id boxes[2] = {SPSI_BUFFER_BRICK_BOXES, SPSI_BUFFER_BRICK_LIGHT_BOXES};
@@ -13093,7 +13039,6 @@ SPSI_COLD sps_result spsi_contents_build(sps_context *context, spsi_target *firs
     return SPS_OK;
 }
 
-/* Finds the chunks of all particles, and allocates lists. */
 SPSI_COLD sps_result spsi_contents_add_particles(spsi_contents *contents) {
     static const spsi_buffer_id lists[2] = {SPSI_BUFFER_EYE_SPHERES, SPSI_BUFFER_LIGHT_SPHERES};
     sps_context *context = contents->context;
@@ -13112,7 +13057,7 @@ SPSI_COLD sps_result spsi_contents_add_particles(spsi_contents *contents) {
 
 /* --- a chunk's particles, by tile --- */
 
-/* A particle's place, as in spsi_lists.places. */
+/* The particle's spsi_lists.places. */
 static int spsi_list_place(const spsi_target *target, const spsi_sphere *sphere) {
     const int x0 = sphere->x0 / SPSI_TILE_WIDTH, x1 = sphere->x1 / SPSI_TILE_WIDTH;
     const int y0 = sphere->y0 / SPSI_TILE_HEIGHT, y1 = sphere->y1 / SPSI_TILE_HEIGHT;
@@ -13140,7 +13085,6 @@ static void spsi_projected_sphere_task(void *data, int i) {
     }
 }
 
-/* Bins a target's particles by a stable counting sort. */
 static void spsi_lists_task(void *data, int index) {
     const spsi_contents *contents = (const spsi_contents *)data;
     const spsi_target *target = contents->targets[index];
@@ -13150,7 +13094,7 @@ static void spsi_lists_task(void *data, int index) {
     for (int i = 0; i < count; ++i)
         if (lists->places[i] >= 0) lists->starts[lists->places[i] / 4] += 1;
     for (int list = 0; list < list_count; ++list) lists->starts[list + 1] += lists->starts[list];
-    for (int i = count - 1; i >= 0; --i) /* backwards: each list's end moves to its start */
+    for (int i = count - 1; i >= 0; --i) /* each list's end moves to its start */
         if (lists->places[i] >= 0) lists->members[--lists->starts[lists->places[i] / 4]] = 4 * i + lists->places[i] % 4;
 }
 
@@ -13166,7 +13110,7 @@ SPSI_COLD void spsi_contents_bin_particles(spsi_contents *contents) {
 /* --- a tile --- */
 
 static void spsi_tile_place(const spsi_target *target, int column, int row, int worker, spsi_tile *tile) {
-    SPS_ASSERT(worker >= 0 && worker < target->sheets.worker_count); /* otherwise two tasks would use the same sheets */
+    SPS_ASSERT(worker >= 0 && worker < target->sheets.worker_count); /* else two tasks would use the same sheets */
     memset(tile, 0, sizeof *tile);
     tile->open = ~UINT64_C(0);
     tile->nearest_limit = SPSI_INFINITY;
@@ -13186,7 +13130,7 @@ static int spsi_box_meets_tile(const int16_t box[4], int column, int row) {
     return box[0] < x0 + SPSI_TILE_WIDTH && box[2] >= x0 && box[1] < y0 + SPSI_TILE_HEIGHT && box[3] >= y0;
 }
 
-/* A tile being filled. Its sheets are cleared before the first footprint. */
+/* Sheets are cleared before the first footprint. */
 typedef struct spsi_tile_fill {
     const spsi_target *target;
     const spsi_contents *contents;
@@ -13201,7 +13145,7 @@ static void spsi_tile_touch(spsi_tile_fill *fill) {
     fill->touched = 1;
 }
 
-/* Moves the sheets to the sums behind them: rounding would lose weak particles in a large sum. */
+/* Empties the sheets into the sums behind them, lest rounding loses weak particles. */
 static void spsi_tile_carry(spsi_tile_fill *fill) {
     const size_t floats = spsi_shape_floats(&fill->target->shape);
     float *sheets = fill->tile->sheets, *sums = sheets + floats;
@@ -13211,7 +13155,7 @@ static void spsi_tile_carry(spsi_tile_fill *fill) {
     fill->carried = 1;
 }
 
-/* Places a patch; returns 0 if it has no pixels. */
+/* Returns 0 if the patch has no pixels. */
 static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_sampler_patch *patch) {
     const int x = tile->x0 + number % 8 * SPSI_PATCH, y = tile->y0 + number / 8 * SPSI_PATCH;
     const int x1 = spsi_imin(tile->x1, x + SPSI_PATCH - 1), y1 = spsi_imin(tile->y1, y + SPSI_PATCH - 1);
@@ -13223,7 +13167,7 @@ static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_sampler_patch
     return x <= x1 && y <= y1;
 }
 
-/* Optical depth of a slab on a patch's rays at value 1. */
+/* Optical depth of a slab at value 1. */
 static float spsi_target_depth(const spsi_target *target, int medium, const spsi_sampler_patch *patch) {
     const spsi_frame *frame = target->frame;
     const float extinction = frame->matter.materials[frame->media[medium].channel].extinction;
@@ -13236,16 +13180,16 @@ static float spsi_target_depth(const spsi_target *target, int medium, const spsi
     return extinction * most;
 }
 
-/* Interpolation of a patch, slab by slab. */
+/* Interpolation of a patch. */
 typedef struct spsi_patch_plan {
     spsi_sampler_patch patch;
     float allowed;             /* tolerance up to this chunk */
     float *spent;              /* tolerance used */
-    float depth, way;          /* per slab: optical depth at value 1; voxels that rays cross */
-    int steps[SPSI_SAMPLER_SLABS]; /* samples of its sixteen rays in each slab; 0: trace all rays */
+    float depth, way;          /* per slab: optical depth at value 1; voxels crossed */
+    int steps[SPSI_SAMPLER_SLABS]; /* samples per slab; 0: trace all rays */
 } spsi_patch_plan;
 
-/* Chooses the slabs to interpolate with the tolerance left. Where rays take several samples in a slab, fewer may
+/* Chooses slabs to interpolate with the tolerance left, with fewer samples than full sampling takes where they
    suffice. */
 static void spsi_patch_choose(const spsi_sampler *here, const spsi_tile *tile, spsi_patch_plan *plan) {
     const float across = plan->depth * spsi_sampler_patch_bound(here, tile, &plan->patch);
@@ -13268,8 +13212,8 @@ static void spsi_patch_choose(const spsi_sampler *here, const spsi_tile *tile, s
     }
 }
 
-/* Interpolates a gathered volume in patches and slabs, as the tolerance up to this chunk allows. `way`: voxels crossed
-   in a slab. `rest`: patches per slab, reduced to the ones not interpolated. */
+/* Interpolates where the tolerance up to this chunk allows. `way`: voxels crossed in a slab. `rest`: patches per slab,
+   reduced to the ones left. */
 static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_sampler *here, int medium, float way, float *channel,
                                   uint64_t rest[SPSI_SAMPLER_SLABS]) {
     const spsi_target *target = fill->target;
@@ -13295,7 +13239,7 @@ static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_sampler *here
     }
 }
 
-/* Mask of pixels in a row of patches. */
+/* Pixels in a row of patches. */
 static uint64_t spsi_patch_pixels(uint64_t patches, int row) {
     uint64_t pixels = 0;
     for (int n = 0; n < 8; ++n)
@@ -13303,7 +13247,7 @@ static uint64_t spsi_patch_pixels(uint64_t patches, int row) {
     return pixels;
 }
 
-/* Masks of a tile's pixels in patches whose rays have not terminated, by row. */
+/* Pixels in patches whose rays have not terminated, by row. */
 static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t live[SPSI_TILE_HEIGHT]) {
     const int width = tile->x1 - tile->x0 + 1, height = tile->y1 - tile->y0 + 1;
     for (int y = 0; y < SPSI_TILE_HEIGHT; ++y) {
@@ -13316,10 +13260,10 @@ static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t liv
     }
 }
 
-/* Distance from visible voxels within which samples are taken, if rays cross `way` voxels in a slab. Classified slabs
-   depend on adjacent ones too. Means also depend on one more sample at their ends; draft quality omits its last voxel.
-   Of three samples in a row one is visible, so a sample two slabs away may matter. Voxels within 1.25 make a sample
-   visible, since all beyond on one side weigh 0.1. Two voxels suffice: thicker slabs are no more exact. */
+/* Distance from visible voxels within which samples are taken; rays cross `way` voxels per slab. Classified slabs
+   depend on adjacent ones. Means need one more sample at their ends; draft quality omits its last voxel. Of three
+   samples one is visible, so one two slabs away may matter. It is visible by voxels within 1.25, since all beyond on
+   one side weigh 0.1. At most two voxels: thicker slabs are no more exact. */
 static int spsi_reach_wanted(const spsi_target *target, int medium, float way) {
     const spsi_frame *frame = target->frame;
     const float taps = (float)(target->samplers[medium].fields->taps / 2);
@@ -13330,8 +13274,8 @@ static int spsi_reach_wanted(const spsi_target *target, int medium, float way) {
     return (int)spsi_fmin(spsi_fmax(farthest, 0), SPSI_PYRAMID_REACHES - 1);
 }
 
-/* Masks of a vector's pixels in each slab's patches, from the slab before the first on. `x` is in pixels of the tile,
-   `row` in patches. */
+/* A vector's pixels in each slab's patches, from the slab before the first. `x`: pixel of the tile, `row`: of
+   patches. */
 static void spsi_tile_need(const uint64_t patches[SPSI_SAMPLER_SLABS], int count, int x, int row,
                            int by_slab[SPSI_SAMPLER_SLABS + 3]) {
     by_slab[0] = by_slab[count + 1] = by_slab[count + 2] = 0;
@@ -13339,8 +13283,8 @@ static void spsi_tile_need(const uint64_t patches[SPSI_SAMPLER_SLABS], int count
         by_slab[1 + slab] = (int)(spsi_patch_pixels(patches[slab], row) >> x & SPSI_ALL_LANES);
 }
 
-/* Adds a gathered volume to patches, on all rays that have not terminated. A vector of pixels goes down row by row, so
-   that bricks stay in the L1 cache. */
+/* Adds a gathered volume on all rays that have not terminated. A vector goes down row by row, so that bricks stay in
+   the L1 cache. */
 static void spsi_tile_follow(const spsi_sampler *here, spsi_tile *tile, const uint64_t patches[SPSI_SAMPLER_SLABS],
                              int steps, float *channel) {
     const int width = tile->x1 - tile->x0 + 1;
@@ -13372,8 +13316,7 @@ static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t pa
     spsi_tile_follow(&here, tile, rest, spsi_sampler_steps(&here, way), channel);
 }
 
-/* Adds a volume's level and the next, with the rays that the next will have once it takes over. From here on, `mix` is
-   each one's weight. */
+/* Adds a level and the next, with the rays of the next once it takes over. From here on, `mix` is each one's weight. */
 static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
     const spsi_target *target = fill->target;
     spsi_sampler here = target->samplers[medium], next = here;
@@ -13445,7 +13388,7 @@ static void spsi_tile_splat_one(spsi_tile_fill *fill, const spsi_projected_spher
     spsi_splat_particle(fill->tile, &fill->target->crossing, projected, fill->contents->first_slab == 0, left);
 }
 
-/* Splats a list's particles that reach beyond its tile: 0: all, 1: right, 2: down, 3: both. */
+/* Splats particles that reach beyond the list's tile: 0: all, 1: right, 2: down, 3: both. */
 static void spsi_tile_splat_list(spsi_tile_fill *fill, int list, int beyond) {
     const spsi_lists *lists = &fill->target->particles;
     const int first = lists->starts[list], end = lists->starts[list + 1], ahead = 8;
@@ -13469,8 +13412,8 @@ static void spsi_tile_splat_wide(spsi_tile_fill *fill) {
     }
 }
 
-/* Splats a chunk's bricks and particles into a tile. Particles come from its own list, its left and upper neighbours',
-   and the wide ones'. Returns 0 if there are none, with sheets not cleared. */
+/* Splats bricks, then particles: the tile's list, its left and upper neighbours', and the wide ones. Returns 0, with
+   sheets not cleared, if there are none. */
 static int spsi_tile_splat(const spsi_target *target, const spsi_contents *contents, int column, int row,
                            spsi_tile *tile) {
     spsi_tile_fill fill = {target, contents, tile, column, row, 0, 0, 0};
@@ -13498,18 +13441,17 @@ static void spsi_tile_count(const spsi_target *target, const spsi_tile *tile, in
 static uint32_t spsi_tile_work(const spsi_tile *tile) { return (uint32_t)(tile->samples + 8 * tile->visits); }
 
 /* ========================================================================================== >>lightsheets
-   23 Optical depth of a light's sheets. Sheets of gases store it per unit of t. A transfer function is not linear, so
-   classified slabs are divided into SPSI_SUBSLABS parts. Their means follow a parabola through the means of three
-   slabs. */
+   23 Optical depth of a light's sheets. Gas is stored as such, per unit of t. A transfer function is not linear:
+   classified slabs have SPSI_SUBSLABS parts, means of a parabola through three slabs. */
 
-#define SPSI_SUBSLABS 4 /* parts of a slab that is classified or shaded by polygons */
+#define SPSI_SUBSLABS 4 /* parts of a slab, if classified or shaded by polygons */
 
-/* value + slope x + bend x^2, with x from -1/2 to 1/2 through a slab. */
+/* value + slope x + bend x^2, x from -1/2 to 1/2 in a slab. */
 typedef struct spsi_parabola {
     spsi_v value, slope, bend;
 } spsi_parabola;
 
-/* Parabola through the means of three slabs or, if not `means`, through their middle values. */
+/* Parabola through three slabs' means or, if not `means`, middle values. */
 static inline spsi_parabola spsi_parabola_through(spsi_v before, spsi_v here, spsi_v after, int means) {
     spsi_parabola p;
     p.slope = spsi_mul(spsi_set(0.5f), spsi_sub(after, before));
@@ -13518,13 +13460,12 @@ static inline spsi_parabola spsi_parabola_through(spsi_v before, spsi_v here, sp
     return p;
 }
 
-/* True if sheets store means over slabs instead of samples in their middles. */
 static int spsi_target_has_means(const spsi_target *target, int medium) {
     return !spsi_gathers(target->verdicts[medium]) || !target->samplers[medium].lone;
 }
 
-/* Parabola of a classified volume through three slabs. It is 0 if all three samples are invisible: samples that were
-   not taken are 0, and it would overshoot. Returns 0 if nothing is visible. */
+/* Classified values through three slabs. All samples invisible: 0, since samples not taken would make the parabola
+   overshoot. Returns 0 if nothing is visible. */
 static inline int spsi_values_through(const spsi_material *material, const spsi_v values[3], int means,
                                       spsi_parabola *p) {
     const spsi_v zero = spsi_set(0), most = spsi_max(values[1], spsi_max(values[0], values[2]));
@@ -13537,12 +13478,12 @@ static inline int spsi_values_through(const spsi_material *material, const spsi_
     return spsi_bits(shown) != 0;
 }
 
-/* Part of a slab: its middle x, and the mean of squares over its width w, x^2 + w^2 / 12. */
+/* Part of a slab: middle x, and mean of squares x^2 + w^2 / 12 over width w. */
 typedef struct spsi_portion {
     spsi_v middle, square;
 } spsi_portion;
 
-/* One of SPSI_SUBSLABS equal parts between the fractions `first` and `last` of a slab. */
+/* Part of the interval between fractions `first` and `last` of a slab. */
 static inline spsi_portion spsi_portion_of(spsi_v first, spsi_v last, int part) {
     const spsi_v width = spsi_mul(spsi_sub(last, first), spsi_set(1.0f / SPSI_SUBSLABS));
     spsi_portion s;
@@ -13589,13 +13530,12 @@ static inline spsi_row_slabs spsi_row_slabs_at(const spsi_light_shader *shader, 
     return slabs;
 }
 
-/* A sheet's values. Round-off in the kernel can make sums slightly negative. */
+/* Round-off can make sums slightly negative. */
 static inline spsi_v spsi_sheet_sum(const spsi_tile *tile, int channel, size_t at) {
     return spsi_max(spsi_load(tile->sheets + (size_t)channel * tile->channel_size + at), spsi_set(0));
 }
 
-/* Optical depth of a slab for a vector of texels; `at`: index in a channel. Classified volumes follow a parabola, as
-   for the camera. */
+/* Optical depth of a slab; `at`: index in a channel. Classified volumes follow a parabola, as for the camera. */
 static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const spsi_tile *tile, size_t at,
                                       const spsi_row_slabs *slabs) {
     const spsi_v part_length = spsi_mul(spsi_mul(slabs->per_slab, slabs->length), spsi_set(1.0f / SPSI_SUBSLABS));
@@ -13626,57 +13566,54 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
 }
 
 /* =============================================================================================== >>tmaps
-   24 Transmittance maps: a light's texels, how they are filled and queried. Each of up to six faces is a grid of rays;
-   u runs from 0 at near_depth to 1 at far_depth along t. Faces of a cube have common rays at their edges, and t is the
-   largest coordinate from the light, so nothing jumps between faces. Opaque surfaces are a separate depth per texel,
-   since they would spoil any technique's fit.
-   A map is filled a row of tiles (a band) at a time. A tile is one task that visits volumes, particles and triangles in
-   order, so that results are identical for any number of workers. Occluders arrive as vectors of intervals. A visit
-   adds them to sums, finds the texels' ranges, or counts, lists and sorts them for a curve to fit. Volumes are splatted
-   into slabs perpendicular to the light's axis: once for plain sums, otherwise twice.
-   A light's shadow table is an opacity map whose planes are packed into pairs of 16 bits. It is cached for the next
-   call, which refills only patches whose fingerprints changed. Cost: occluders times texels under them times
+   24 Transmittance maps: a light's texels, their filling and lookup. Each of up to six faces is a grid of rays; u runs
+   from 0 at near_depth to 1 at far_depth along t. Cube faces have common rays at their edges, and t is the largest
+   coordinate from the light, so nothing jumps between them. Opaque surfaces are a separate depth per texel, since they
+   would spoil any technique's fit.
+   Maps are filled by rows of tiles (bands). A tile is one task that visits volumes, particles and triangles in order,
+   so that results are identical for any number of workers. Vectors of intervals are added to sums, widen the texels'
+   ranges, or are counted, listed, sorted and fitted. Volumes are splatted into slabs perpendicular to the light's axis:
+   once for plain sums, otherwise twice. A light's shadow table is an opacity map of packed 16-bit pairs of planes. It
+   is cached; the next call refills only patches whose fingerprints changed. Cost: occluders times texels times
    components; 4 bytes per texel and component in a band of 64 rows, or 16 per interval. */
 
-#define SPSI_NO_SURFACE 1e30f /* u where there is none; no point is so far behind far_depth */
+#define SPSI_NO_SURFACE 1e30f /* u where there is none, far behind far_depth */
 #define SPSI_GUARD_BAND 0.05  /* fraction of the depth range, free at either end: Fourier series are periodic */
 
-/* Occluders as they were added. */
 typedef struct spsi_added {
     spsi_buffer lists[3]; /* volumes, meshes, and sets of particles */
     int counts[3];
 } spsi_added;
 
 typedef struct spsi_tmap_data {
-    spsi_buffer texels;   /* components per texel, all intervals or nodes, or a table's pairs of planes */
+    spsi_buffer texels;   /* components, intervals or nodes, or a table's pairs of planes */
     spsi_buffer starts;   /* lists: each texel's first item, and the end */
-    spsi_buffer surfaces; /* u of each texel's first opaque surface; no data: none */
-    spsi_buffer prints;   /* shadow tables with a key: fingerprints per face and tile */
+    spsi_buffer surfaces; /* u of the first opaque surface; no data: none */
+    spsi_buffer prints;   /* shadow tables with a key: per face and tile */
 } spsi_tmap_data;
 
-/* Fingerprints of a shadow table's tile, per patch. */
 typedef struct spsi_tile_fingerprints {
-    uint64_t open; /* mask of patches to fill; the others keep their texels */
+    uint64_t open; /* mask of patches to fill; the others stay */
     uint64_t patches[64];
 } spsi_tile_fingerprints;
 
 struct sps_tmap {
     sps_context *context;
     const spsi_technique *technique;
-    int light;                  /* light whose shadow_map it is; -1: none */
-    sps_tmap_settings settings; /* defaults filled in */
-    sps_tmap_settings inner;    /* as the technique sees them: without the texel's range */
-    sps_view view;              /* the light's view */
-    double matrix[16];          /* its camera's world_to_clip */
+    int light;                  /* its shadow_map's light; -1: none */
+    sps_tmap_settings settings; /* with defaults filled in */
+    sps_tmap_settings inner;    /* without the texel's range */
+    sps_view view;
+    double matrix[16];          /* world_to_clip */
     int has_range;              /* 1: a texel begins with the u of its first and last occluder */
-    int has_vectors;            /* 1: vectors of texels are looked up at once */
+    int has_vectors;            /* 1: looked up by vectors */
     int face_count, replace_invalid, finished, failed;
     int waits; /* 1: a light's own map, made for the cells; a sweep will take it */
     spsi_rays rays[SPSI_CUBE_FACES];
-    float table_end;  /* shadow table: optical depth where it ends */
-    uint64_t key;     /* shadow table: fingerprint of all its input; 0: not cached */
-    uint64_t aim;     /* fingerprint of its rays and planes; equal ones have the same entries */
-    int updates;      /* 1: its table is the last call's, to be updated */
+    float table_end;  /* shadow table: optical depth at its end */
+    uint64_t key;     /* shadow table: fingerprint of its input; 0: not cached */
+    uint64_t aim;     /* fingerprint of rays and planes, and so of entries */
+    int updates;      /* 1: updates the last call's table */
     double per_depth; /* 1 / (far - near) */
     double bias[2];   /* surface bias in t: bias[0] + bias[1] * t */
     spsi_buffer planes;
@@ -13695,13 +13632,12 @@ static spsi_tile_fingerprints *spsi_tmap_fingerprints(const sps_tmap *map, int f
     return prints ? prints + ((size_t)face * (size_t)rows + (size_t)row) * (size_t)columns + column : NULL;
 }
 
-/* Mask of a tile's patches that contain texels. */
+/* Mask of a tile's patches with texels. */
 static uint64_t spsi_tmap_patches(const sps_tmap *map, int row, int column) {
     return spsi_patch_box(0, 0, map->rays[0].width - 1 - column * SPSI_TILE_WIDTH,
                           map->rays[0].height - 1 - row * SPSI_TILE_HEIGHT);
 }
 
-/* Items of a map made from lists. */
 SPSI_COLD size_t spsi_tmap_item_count(const sps_tmap *map) {
     return ((const uint32_t *)map->data.starts.data)[spsi_tmap_texel_count(map)];
 }
@@ -13710,7 +13646,7 @@ static const float *spsi_tmap_texel(const sps_tmap *map, size_t index) {
     return (const float *)map->data.texels.data + index * (size_t)map->settings.components;
 }
 
-/* Optical depth of gas before u, for techniques with vector lookups. */
+/* Optical depth of gas before u, for vector lookups. */
 static spsi_v spsi_tmap_texels_depths(const sps_tmap *map, const spsi_texels *texels, spsi_v u) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
     spsi_texels inner = *texels;
@@ -13723,7 +13659,6 @@ static spsi_v spsi_tmap_texels_depths(const sps_tmap *map, const spsi_texels *te
     return spsi_select(spsi_less(u, first), zero, map->technique->optical_depths(&map->inner, &inner, within));
 }
 
-/* Optical depth of gas before u in one texel. */
 static float spsi_tmap_optical_depth(const sps_tmap *map, size_t index, float u) {
     const spsi_texels one = {spsi_tmap_texel(map, index), 0, spsi_set(0), spsi_set(0)};
     if (map->technique->lists) {
@@ -13738,7 +13673,7 @@ static float spsi_tmap_optical_depth(const sps_tmap *map, size_t index, float u)
     return spsi_one(spsi_tmap_texels_depths(map, &one, spsi_set(u)));
 }
 
-/* Bounds of the optical depth of gas before u in one texel. */
+/* Bounds of optical depth before u in one texel. */
 static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float bounds[2]) {
     bounds[0] = 0;
     bounds[1] = SPSI_DEPTH_MAX;
@@ -13758,7 +13693,7 @@ static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float b
     }
 }
 
-/* Four texels around a point, for bilinear lookup. */
+/* Texels around a point, for bilinear lookup. */
 typedef struct spsi_tmap_quad {
     int column[2], row[2]; /* rows of all faces, one below the other */
     double weight[4], t;
@@ -13769,7 +13704,7 @@ static size_t spsi_quad_texel(const sps_tmap *map, const spsi_tmap_quad *quad, i
     return (size_t)quad->row[i >> 1] * (size_t)map->rays[0].width + (size_t)quad->column[i & 1];
 }
 
-/* Finds the texels around a point. Returns 0 outside of the map, before near_depth, or if not finite. */
+/* Returns 0 outside of the map, before near_depth, and for non-finite points. */
 static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_tmap_quad *quad) {
     const int width = map->rays[0].width, height = map->rays[0].height;
     double q[3], offset[3];
@@ -13799,7 +13734,7 @@ static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_tma
 /* Bilinear weight of texels without a surface before the point. */
 static double spsi_tmap_lit(const sps_tmap *map, const spsi_tmap_quad *quad) {
     const double bias = (map->bias[0] + map->bias[1] * quad->t) * map->per_depth;
-    const double u = (quad->t - map->settings.near_depth) * map->per_depth; /* not clamped: may exceed 1 */
+    const double u = (quad->t - map->settings.near_depth) * map->per_depth; /* may exceed 1 */
     const float *surfaces = (const float *)map->data.surfaces.data;
     double lit = 0, sum = 0;
     if (!surfaces) return 1;
@@ -13815,7 +13750,7 @@ typedef struct spsi_tmap_quads {
     spsi_v column[2], row[2], weight[4], u;
 } spsi_tmap_quads;
 
-/* Lookup for any technique, texel by texel; weight 0 is skipped. */
+/* Lookup texel by texel; weight 0 is skipped. */
 static spsi_v spsi_tmap_each_optical_depth(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
     float columns[SPSI_LANES], rows[SPSI_LANES], us[SPSI_LANES], weights[SPSI_LANES];
     spsi_store(columns, column);
@@ -13830,9 +13765,9 @@ static spsi_v spsi_tmap_each_optical_depth(const sps_tmap *map, spsi_v column, s
 }
 
 #define SPSI_SHADOW_TABLE_SIDE                                                                                         \
-    4 /* side of a block in texels: a plane of a block is 64 bytes, fetched together */
+    4 /* side of a block: its planes are 64 bytes, fetched together */
 #define SPSI_SHADOW_TABLE_TEXELS      (SPSI_SHADOW_TABLE_SIDE * SPSI_SHADOW_TABLE_SIDE)
-#define SPSI_SHADOW_TABLE_MOST        65535.0f   /* code of optical depth table_end */
+#define SPSI_SHADOW_TABLE_MOST        65535.0f   /* code of table_end */
 #define SPSI_SHADOW_TABLE_BLOCKS_MOST 16777216.0 /* planes of blocks, counted by floats */
 
 /* Blocks along a row; all blocks, faces one below the other. */
@@ -13845,8 +13780,8 @@ SPSI_COLD double spsi_shadow_table_blocks(const sps_tmap *map) {
     return (double)spsi_shadow_table_columns(map) * rows;
 }
 
-/* Optical depth before u in texels of a table. Plane k lies at u = (k + 1) / n; plane -1, at u = 0, is 0. Item k packs
-   the steps of planes k - 1 and k. A block stores its texels row by row. */
+/* Optical depth before u in a table. Plane k lies at u = (k + 1) / n; plane -1 is 0. Item k packs planes k - 1 and k.
+   Blocks store texels row by row. */
 static inline spsi_v spsi_shadow_table_at(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
     const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(u, planes);
     const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1)));
@@ -13860,7 +13795,6 @@ static inline spsi_v spsi_shadow_table_at(const sps_tmap *map, spsi_v column, sp
     return spsi_mul(spsi_mix(pair[0], pair[1], spsi_sub(at, k)), spsi_set(map->table_end / SPSI_SHADOW_TABLE_MOST));
 }
 
-/* Optical depth of gas before u in texels of any map. */
 static spsi_v spsi_tmap_texel_optical_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
     const float components = (float)map->settings.components;
     const spsi_texels texels = {(const float *)map->data.texels.data, map->rays[0].width * map->settings.components,
@@ -13870,8 +13804,7 @@ static spsi_v spsi_tmap_texel_optical_depths(const sps_tmap *map, spsi_v column,
                             : spsi_tmap_each_optical_depth(map, column, row, u, weight);
 }
 
-/* Optical depth of gas, and transmittance of surfaces, at up to SPSI_LANES world points (packed triples), located in
-   double precision. */
+/* Optical depth of gas and transmittance of surfaces at up to SPSI_LANES world points, located in double precision. */
 static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, float *depths, double *lit) {
     float column[4 * SPSI_LANES] = {0}, row[4 * SPSI_LANES] = {0}, u[4 * SPSI_LANES] = {0};
     float weight[4 * SPSI_LANES] = {0}, depth[4 * SPSI_LANES];
@@ -13897,12 +13830,12 @@ static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, f
     }
 }
 
-/* Converts world offsets from a light with six faces to texel coordinates and t - near_depth. Returns the faces. */
+/* Converts world offsets to texel coordinates and t - near_depth. Returns the cube faces. */
 static spsi_v spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], spsi_v seen[3]) {
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), last = spsi_set((float)map->rays[0].width - 1);
     const spsi_v x = spsi_abs(offset[0]), y = spsi_abs(offset[1]), z = spsi_abs(offset[2]);
     const spsi_m is_y = spsi_less(x, y), is_z = spsi_less(spsi_max(x, y), z);
-    spsi_v axes[3], per_distance, face; /* along the face's axis, and the two after it */
+    spsi_v axes[3], per_distance, face; /* face's axis and the two after it */
     for (int i = 0; i < 3; ++i)
         axes[i] = spsi_select(is_z, offset[(i + 2) % 3], spsi_select(is_y, offset[(i + 1) % 3], offset[i]));
     per_distance = spsi_div(half, spsi_max(spsi_abs(axes[0]), spsi_set(FLT_MIN * 16)));
@@ -13913,7 +13846,7 @@ static spsi_v spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], s
 }
 
 /* Finds the texels around points: world offsets from a light with six faces, else undivided ray coordinates, t relative
-   to near_depth. Floats are precise enough within an image. */
+   to near_depth. Floats suffice within an image. */
 static void spsi_quads_build(const sps_tmap *map, const spsi_v q[3], spsi_tmap_quads *quads) {
     const float size[2] = {(float)map->rays[0].width, (float)map->rays[0].height};
     const spsi_v zero = spsi_set(0), one = spsi_set(1), per_depth = spsi_set((float)map->per_depth);
@@ -13942,8 +13875,7 @@ static void spsi_quads_build(const sps_tmap *map, const spsi_v q[3], spsi_tmap_q
     quads->u = spsi_clamp(spsi_mul(seen[2], per_depth), zero, one);
 }
 
-/* Optical depth of gas at points, in the coordinates of spsi_quads_build. Each of the four texels is evaluated at the
-   point's own u. */
+/* Optical depth of gas at points, as for spsi_quads_build. All four texels are evaluated at the point's u. */
 static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
     spsi_v sum = spsi_set(0);
     spsi_tmap_quads quads;
@@ -13955,12 +13887,12 @@ static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
     return spsi_min(sum, spsi_set(SPSI_DEPTH_MAX));
 }
 
-/* Optical depth of gas and surfaces; `lit`: the surfaces' transmittance. */
+/* Optical depth with surfaces of transmittance `lit`. */
 static double spsi_optical_depth_with_surfaces(double depth, double lit) {
     return lit > 0 ? spsi_dmin(depth - log(lit), (double)SPSI_DEPTH_MAX) : (double)SPSI_DEPTH_MAX;
 }
 
-/* Guaranteed bounds of the optical depth at a world point, surfaces included. */
+/* Guaranteed bounds at a world point, surfaces included. */
 static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], double bracket[2]) {
     spsi_tmap_quad quad;
     bracket[0] = bracket[1] = 0;
@@ -13986,27 +13918,25 @@ typedef struct spsi_map_volumes {
     spsi_light_shader shader;
 } spsi_map_volumes;
 
-/* Occluders of all faces. */
 typedef struct spsi_occluders {
     const spsi_frame *frame;
     spsi_faces faces;
-    const spsi_sphere *spheres;                 /* on the current face */
-    const uint32_t *tile_starts, *tile_spheres; /* per tile, and the end; tile_spheres NULL: each tile visits all */
-    int *boxes;                               /* triangles' bounds in texels of the current face */
+    const spsi_sphere *spheres;                 /* current face */
+    const uint32_t *tile_starts, *tile_spheres; /* per tile, and the end; tile_spheres NULL: all */
+    int *boxes;                               /* triangles' bounds, in texels */
     spsi_map_volumes *volumes;                /* NULL: none */
     int coarse;                               /* 1: texels may be wider than classified voxels */
     spsi_call_stage part;
 } spsi_occluders;
 
-/* A row of tiles. */
 typedef struct spsi_band {
     int face, row, tiles_x;
-    size_t first_texel;       /* number in the map */
+    size_t first_texel;       /* first in the map */
     float *ranges, *sums;     /* tile after tile */
     uint32_t *starts;         /* per texel, and the end: first interval */
-    uint32_t *cursors;        /* per texel: number of intervals, or where the next goes */
-    spsi_interval *intervals; /* all texels' intervals */
-    uint32_t most;            /* greatest number of intervals in a texel */
+    uint32_t *cursors;        /* per texel: number of intervals, or the next one's place */
+    spsi_interval *intervals;
+    uint32_t most;            /* most intervals of a texel */
 } spsi_band;
 
 typedef struct spsi_filling {
@@ -14015,17 +13945,17 @@ typedef struct spsi_filling {
     const spsi_occluders *occluders;
     spsi_band band;
     spsi_visit visit;
-    int pieces;    /* greatest number of pieces of a soft particle */
-    float epsilon; /* compressed map: error tolerance without soft pieces */
-    int has_sizes; /* 1: numbers of items are known; nodes replace intervals where they fit */
-    float *scratch; /* scratch_floats per worker: intervals to sort, curve, nodes */
+    int pieces;    /* most pieces of a soft particle */
+    float epsilon; /* compressed map: tolerance without soft pieces */
+    int has_sizes; /* 1: item counts are known; nodes replace intervals where they fit */
+    float *scratch; /* per worker: intervals to sort, curve, nodes */
     size_t scratch_floats;
     double slab_u, u_per_slab; /* u of the plane before slab k: slab_u + k u_per_slab */
     double light_u;            /* the light's position, or -infinity */
     double progress;
 } spsi_filling;
 
-/* A tile's texels. Sums are `components` planes of width x height floats, plus a vector that stores may overrun. */
+/* A tile's texels. Sums are planes of width x height floats, plus a vector that stores may overrun. */
 typedef struct spsi_map_tile {
     const spsi_filling *filling;
     int x0, y0, width, height;
@@ -14059,12 +13989,10 @@ static void spsi_map_tile_place(const spsi_filling *filling, int column, spsi_ma
     into->sums = filling->band.sums ? filling->band.sums + (size_t)filling->map->inner.components * before : NULL;
 }
 
-/* True if any patch of a box of texels is filled. */
 static int spsi_map_tile_is_open(const spsi_map_tile *into, int x0, int y0, int x1, int y1) {
     return (into->open & spsi_patch_box(x0 - into->x0, y0 - into->y0, x1 - into->x0, y1 - into->y0)) != 0;
 }
 
-/* A texel's number in the map. */
 static size_t spsi_map_tile_texel(const spsi_map_tile *into, int x, int y) {
     const spsi_rays *rays = &into->filling->map->rays[0];
     return ((size_t)into->filling->band.face * (size_t)rays->height + (size_t)y) * (size_t)rays->width + (size_t)x;
@@ -14079,11 +14007,11 @@ static void spsi_insert_range(const spsi_map_tile *into, size_t at, const spsi_i
     spsi_store(into->ranges + into->stride + at, spsi_select(some, spsi_max(last, u1), last));
 }
 
-/* Limits of intervals beyond 0..1: of u, so that lengths stay finite; relative to a range, which may be tiny. */
+/* Limits of intervals beyond 0..1: in u, so that lengths stay finite; relative to a range, which may be tiny. */
 #define SPSI_INTERVAL_REACH 1e30
 #define SPSI_RANGE_REACH    1e6f
 
-/* Makes u relative to the texel's range; ends outside of 0..1 stay outside. */
+/* Makes u relative to the texel's range; ends outside stay outside. */
 static void spsi_intervals_within(const spsi_map_tile *into, size_t at, spsi_intervals *intervals) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), first = spsi_load(into->ranges + at);
     const spsi_v length = spsi_sub(spsi_load(into->ranges + into->stride + at), first);
@@ -14112,7 +14040,7 @@ static void spsi_insert_list(const spsi_map_tile *into, int x, int y, const spsi
     }
 }
 
-/* True if a visit finds the texels' ranges. A single plane, behind all, needs none beforehand, which saves a visit. */
+/* True if this visit finds ranges. A single plane, behind all, needs none beforehand. */
 static int spsi_finds_ranges(const spsi_filling *filling) {
     return filling->visit == SPSI_VISIT_RANGE || (filling->map->has_range && filling->map->inner.components == 1);
 }
@@ -14141,8 +14069,8 @@ static void spsi_insert_one(const spsi_map_tile *into, int x, int y, const spsi_
     if (interval->depth > 0) spsi_insert(into, x, y, &one);
 }
 
-/* Inserts part of a soft interval as points. Error 1e-6 for moments and Fourier series: three Gauss points per sixth of
-   a wave. */
+/* Inserts part of a soft interval as three Gauss points per sixth of a wave; error 1e-6 for moments and Fourier
+   series. */
 static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const spsi_interval *interval, double from,
                                double to) {
     const sps_tmap *map = into->filling->map;
@@ -14158,7 +14086,7 @@ static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const sp
     }
 }
 
-/* Inserts a clipped interval in parts: beyond 0 or 1, it counts at that end. */
+/* Inserts a clipped interval in parts: beyond 0 or 1, it counts there. */
 static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const spsi_interval *interval) {
     const float from = spsi_fmax(spsi_fmin(interval->u0, 1), 0), to = spsi_fmax(spsi_fmin(interval->u1, 1), 0);
     const float before = spsi_interval_fraction(interval, from), until = spsi_interval_fraction(interval, to);
@@ -14173,8 +14101,7 @@ static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const sps
     spsi_insert_one(into, x, y, &back);
 }
 
-/* Inserts a chord that contains the light or needs parts. `in_t`: middle and half length in t, optical depth. Only the
-   part after the light counts. */
+/* Inserts a chord, cut at the light or split. `in_t`: middle and half length in t, optical depth. */
 static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, const float in_t[3]) {
     const spsi_filling *filling = into->filling;
     const double per_t = filling->map->per_depth, light = filling->light_u;
@@ -14191,7 +14118,7 @@ static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, c
         spsi_insert_one(into, x, y, &rest);
 }
 
-/* Inserts chords that may reach beyond 0..1: singly if they contain the light or need parts, the rest together. */
+/* Inserts chords: singly if they contain the light or need parts, the rest together. */
 static void spsi_insert_cut_chords(const spsi_map_tile *into, int soft, int x, int y, const spsi_chord *chord,
                                    spsi_intervals *intervals) {
     const int parts = into->filling->map->technique->points;
@@ -14214,7 +14141,6 @@ static void spsi_insert_cut_chords(const spsi_map_tile *into, int soft, int x, i
     spsi_insert(into, x, y, intervals);
 }
 
-/* Inserts a sphere's chords in a vector of texels. */
 static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sphere, int x, int y, int last) {
     const spsi_filling *filling = into->filling;
     const spsi_v per_t = spsi_set((float)filling->map->per_depth), zero = spsi_set(0), one = spsi_set(1);
@@ -14240,21 +14166,19 @@ static void spsi_insert_sphere(const spsi_map_tile *into, const spsi_sphere *sph
         for (int x = x0; x <= x1; x += SPSI_LANES) spsi_insert_chords(into, sphere, x, y, x1);
 }
 
-/* Number of spheres that a tile may meet. */
 static uint32_t spsi_tile_sphere_count(const spsi_occluders *occluders, int tile) {
     if (!occluders->spheres) return 0;
     if (occluders->tile_spheres) return occluders->tile_starts[tile + 1] - occluders->tile_starts[tile];
     return (uint32_t)occluders->frame->content->particle_count;
 }
 
-/* Number of a tile's i-th sphere. */
 static uint32_t spsi_tile_sphere(const spsi_occluders *occluders, int tile, uint32_t i) {
     return occluders->tile_spheres ? occluders->tile_spheres[occluders->tile_starts[tile] + i] : i;
 }
 
 /* --- triangles --- */
 
-/* Inserts a triangle: as a sheet without thickness or, if opaque, as the texels' nearest surface. */
+/* Inserts a sheet without thickness or, if opaque, the texels' nearest surface. */
 static void spsi_insert_triangle(const spsi_map_tile *into, int number) {
     const spsi_filling *filling = into->filling;
     const sps_tmap *map = filling->map;
@@ -14307,7 +14231,6 @@ static void spsi_fill_task(void *data, int index) {
 
 /* --- volumes --- */
 
-/* Inserts a chunk's slabs as intervals. */
 static void spsi_insert_slabs(const spsi_map_tile *into, const spsi_tile *tile) {
     const spsi_filling *filling = into->filling;
     const spsi_map_volumes *volumes = filling->occluders->volumes;
@@ -14412,7 +14335,6 @@ static void spsi_store_task(void *data, int index) {
     }
 }
 
-/* Visits all occluders of a band. */
 SPSI_COLD sps_result spsi_fill_band(spsi_filling *filling, spsi_visit visit) {
     filling->visit = visit;
     if (spsi_progress(filling->context, filling->progress)) return filling->context->result;
@@ -14462,14 +14384,14 @@ SPSI_COLD sps_result spsi_fill_lists(spsi_filling *filling) {
     return spsi_fill_band(filling, SPSI_VISIT_LIST);
 }
 
-/* A worker's memory for fitting. */
+/* A worker's memory. */
 typedef struct spsi_fitting {
     const spsi_filling *filling;
     spsi_interval *intervals;
     spsi_node *curve, *nodes;
 } spsi_fitting;
 
-/* Lays out a worker's memory, or only counts its floats. Deep maps only sort. */
+/* Lays out or counts a worker's memory. Deep maps only sort. */
 static size_t spsi_fitting_lay_out(const spsi_filling *filling, float *memory, spsi_fitting *fitting) {
     const int sorts_only = filling->map->settings.technique == SPS_TMAP_DEEP;
     const uint64_t most = filling->band.most, pieces = (uint64_t)filling->pieces;
@@ -14486,19 +14408,19 @@ static size_t spsi_fitting_lay_out(const spsi_filling *filling, float *memory, s
     return laid;
 }
 
-/* Fits a sorted list; returns the number of nodes. */
+/* Fits a sorted list; returns its nodes. */
 static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_interval *list, uint32_t count) {
     const spsi_filling *filling = fitting->filling;
     const int most = filling->map->settings.components / 2;
     const int pieces = most > 0 ? filling->pieces : spsi_soft_pieces(list, (int)count, filling->map->settings.epsilon);
-    SPS_ASSERT(filling->pieces == 1 || pieces <= filling->pieces); /* there is room; 1: nothing is soft */
+    SPS_ASSERT(filling->pieces == 1 || pieces <= filling->pieces); /* 1: nothing is soft */
     const int bends = spsi_curve_build(list, (int)count, pieces, fitting->intervals, fitting->curve);
     int nodes = spsi_curve_compress(fitting->curve, bends, filling->epsilon, fitting->nodes);
     if (nodes > 0 && most > 0) nodes = spsi_nodes_thin(fitting->nodes, nodes, most, fitting->curve[bends - 1].value);
     return (uint32_t)nodes;
 }
 
-/* Sorts and fits a texel's list; `cursors` receives the number of items. */
+/* Sorts and fits a list; `cursors` receives the number of items. */
 static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
     const size_t in_band = texel - filling->band.first_texel;
@@ -14514,7 +14436,7 @@ static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     }
 }
 
-/* Moves a texel's items to their final place; fits again if they did not fit into the list. */
+/* Moves items to their final place; fits again if they did not fit into the list. */
 static void spsi_fit_again(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
     const size_t in_band = texel - filling->band.first_texel, item = filling->map->technique->lists;
@@ -14528,7 +14450,7 @@ static void spsi_fit_again(const spsi_fitting *fitting, size_t texel) {
            bytes);
 }
 
-/* Fits a row of a tile; a whole tile could take too long. */
+/* A whole tile could take too long. */
 static void spsi_fit_task(void *data, int index, int worker) {
     const spsi_filling *filling = (const spsi_filling *)data;
     spsi_fitting fitting;
@@ -14552,7 +14474,7 @@ SPSI_COLD sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) 
     return spsi_fail_member(&at, SPS_ERROR_MEMORY, "byte_budget", (double)map->settings.byte_budget, rule);
 }
 
-/* Reserves a band's items, counted in `cursors`. */
+/* Reserves a band's items. */
 SPSI_COLD sps_result spsi_append_band(spsi_filling *filling) {
     sps_tmap *map = filling->map;
     const size_t texels = (size_t)map->rays[0].width * (size_t)spsi_filling_height(filling);
@@ -14602,11 +14524,11 @@ SPSI_COLD sps_result spsi_fill_fits(spsi_filling *filling) {
 
 typedef struct spsi_sphere_job {
     const spsi_rays *rays;
-    const spsi_rays *faces; /* all cube faces, on which a particle has one mass; NULL: one face */
+    const spsi_rays *faces; /* all cube faces, on which a particle's mass is equal; NULL: one face */
     const spsi_frame *frame;
     double near_depth, steps_per_depth;
     uint32_t *order; /* NULL: unsorted */
-    uint16_t *steps; /* depth step where each particle begins */
+    uint16_t *steps; /* depth step where each begins */
     spsi_sphere *spheres;
 } spsi_sphere_job;
 
@@ -14650,12 +14572,12 @@ static void spsi_spheres_task(void *data, int i) {
                       &job->spheres[i]);
 }
 
-#define SPSI_OUTSIDE 1e-3 /* negligible reach beyond the depth range, as its fraction */
+#define SPSI_OUTSIDE 1e-3 /* negligible fraction of the depth range */
 
-/* Average tiles per sphere above which no lists are made: such spheres cover much of a map. */
+/* Average tiles per sphere above which no lists are made. */
 #define SPSI_SPHERE_TILES 8
 
-/* Counts each tile's spheres in `starts`. With a list: stores them and advances `starts`. */
+/* Counts spheres per tile; with a list: stores them and advances `starts`. */
 SPSI_COLD void spsi_spheres_into_tiles(const spsi_sphere *spheres, size_t count, int tiles_x, uint32_t *starts,
                                        uint32_t *list) {
     for (size_t i = 0; i < count; ++i) {
@@ -14670,7 +14592,7 @@ SPSI_COLD void spsi_spheres_into_tiles(const spsi_sphere *spheres, size_t count,
     }
 }
 
-/* Counts spheres that reach beyond the depth range; on a cube, on the centre's face only. */
+/* Counts spheres beyond the depth range; on a cube, on the centre's face only. */
 SPSI_COLD void spsi_spheres_outside(sps_tmap *map, const spsi_rays *rays, const spsi_sphere *spheres, size_t count) {
     const double per_length = rays->per_length;
     const double light = rays->perspective ? -map->settings.near_depth * map->per_depth : -HUGE_VAL;
@@ -14689,7 +14611,7 @@ SPSI_COLD void spsi_spheres_outside(sps_tmap *map, const spsi_rays *rays, const 
     }
 }
 
-/* Projects particles onto a face and bins them by tile, sorted by depth if the technique needs lists. */
+/* Projects, bins and, for lists, sorts particles. */
 static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi_occluders *occluders) {
     sps_context *context = map->context;
     const int tiles_x = spsi_tile_columns(rays);
@@ -14719,7 +14641,7 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     uint32_t *list = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_SPHERE_LIST, (size_t)sum, sizeof *list);
     if (!list) return context->result;
     spsi_spheres_into_tiles(job.spheres, count, tiles_x, starts, list);
-    memmove(starts + 1, starts, tiles * sizeof *starts); /* each was advanced to the next one's begin */
+    memmove(starts + 1, starts, tiles * sizeof *starts); /* each was advanced to the next */
     starts[0] = 0;
     occluders->tile_starts = starts;
     occluders->tile_spheres = list;
@@ -14773,7 +14695,6 @@ static uint64_t spsi_medium_fingerprint(const spsi_frame *frame, int i) {
     return hash;
 }
 
-/* Hash of how a set's particles become spheres. */
 static uint64_t spsi_set_fingerprint(uint64_t hash, const spsi_particle_set *set) {
     hash = spsi_fingerprint(hash, &set->soft, sizeof set->soft);
     return spsi_fingerprint(hash, &set->given.is_extinction, sizeof set->given.is_extinction);
@@ -14781,7 +14702,7 @@ static uint64_t spsi_set_fingerprint(uint64_t hash, const spsi_particle_set *set
 
 typedef struct spsi_fingerprint_job {
     const spsi_filling *filling;
-    uint64_t start;                   /* all patches: slabs and kernels of the face */
+    uint64_t start;                   /* the face's slabs and kernels */
     uint64_t media[SPSI_VOLUMES_MAX];
 } spsi_fingerprint_job;
 
@@ -14823,7 +14744,7 @@ static void spsi_fingerprint_spheres(const spsi_fingerprint_job *job, int column
     }
 }
 
-/* Fingerprints a tile in filling order, and opens the patches that changed. */
+/* Fingerprints a tile in filling order, and opens changed patches. */
 static void spsi_fingerprint_task(void *data, int index) {
     const spsi_fingerprint_job *job = (const spsi_fingerprint_job *)data;
     const spsi_filling *filling = job->filling;
@@ -14839,7 +14760,7 @@ static void spsi_fingerprint_task(void *data, int index) {
     memcpy(held->patches, prints, sizeof prints);
 }
 
-/* Fingerprints a face, whose bricks and spheres are binned. */
+/* Bricks and spheres must be binned. */
 SPSI_COLD void spsi_fingerprint_face(const spsi_filling *filling) {
     const spsi_frame *frame = filling->occluders->frame;
     const spsi_map_volumes *volumes = filling->occluders->volumes;
@@ -14860,7 +14781,7 @@ SPSI_COLD void spsi_fingerprint_face(const spsi_filling *filling) {
                         spsi_fingerprint_task, &job);
 }
 
-/* Counts a shadow table's patches as filled or kept; `held`: 1 if all were kept. */
+/* `held`: 1 if all patches were kept. */
 SPSI_COLD void spsi_shadow_table_count(const sps_tmap *map, int held) {
     sps_stats_report *stats = &map->context->stats;
     const int columns = spsi_tile_columns(&map->rays[0]), rows = spsi_tile_rows(&map->rays[0]);
@@ -14913,7 +14834,7 @@ SPSI_COLD sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occlu
     return SPS_OK;
 }
 
-/* Floats, indices or pairs of planes known before filling. */
+/* Items known before filling. */
 static size_t spsi_tmap_known_items(const sps_tmap *map) {
     if (map->technique->lists) return spsi_tmap_texel_count(map) + 1;
     if (map->settings.technique == SPS_TMAP_TABLE)
@@ -14921,7 +14842,7 @@ static size_t spsi_tmap_known_items(const sps_tmap *map) {
     return spsi_tmap_texel_count(map) * (size_t)map->settings.components;
 }
 
-/* Bytes of a map; before it is finished, as far as known. */
+/* Bytes of a map, or the part known before it is finished. */
 SPSI_COLD size_t spsi_tmap_bytes(const sps_tmap *map) {
     const size_t fixed = sizeof *map + map->planes.size;
     if (map->finished) return fixed + map->data.texels.size + map->data.starts.size + map->data.surfaces.size;
@@ -14941,7 +14862,7 @@ SPSI_COLD sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
     return map->context->result;
 }
 
-/* Reserves fingerprints of a table that can be cached; an updated one has them already. */
+/* Updated tables have their fingerprints already. */
 SPSI_COLD sps_result spsi_tmap_reserve_fingerprints(sps_tmap *map) {
     const size_t tiles = (size_t)spsi_tile_columns(&map->rays[0]) * (size_t)spsi_tile_rows(&map->rays[0]);
     if (!map->key || spsi_brick_fingerprints(map->context)) return map->context->result;
@@ -14962,7 +14883,7 @@ SPSI_COLD sps_result spsi_tmap_trim(sps_tmap *map) {
     return SPS_OK;
 }
 
-/* Fills a map with triangles, and with the frame's gathered voxels and particles. */
+/* Voxels and particles must have been gathered. */
 SPSI_COLD sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     sps_context *context = map->context;
     spsi_filling filling;
@@ -14989,7 +14910,7 @@ SPSI_COLD sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
         return context->result;
     map->finished = 1;
     if (!map->settings.byte_budget || spsi_tmap_bytes(map) <= map->settings.byte_budget) return SPS_OK;
-    spsi_tmap_refuse_budget(map, (double)spsi_tmap_bytes(map)); /* the size is known only while finished */
+    spsi_tmap_refuse_budget(map, (double)spsi_tmap_bytes(map)); /* known only while finished */
     map->finished = 0;
     return context->result;
 }
@@ -15025,7 +14946,7 @@ SPSI_COLD sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light 
     return spsi_check_tmap_camera(&at, light);
 }
 
-/* Planes that make a table's entries as long as wide, in the middle of its depths, up to a limit. */
+/* Planes that make a table's entries as long as wide in mid-depth, up to a limit. */
 SPSI_COLD int spsi_shadow_table_planes(const sps_tmap *map) {
     const spsi_rays *rays = &map->rays[0];
     const double low = map->settings.near_depth, high = map->settings.far_depth;
@@ -15036,7 +14957,7 @@ SPSI_COLD int spsi_shadow_table_planes(const sps_tmap *map) {
     return (int)spsi_dmax(spsi_dmin(ceil((high - low) / pitch), most), technique->least);
 }
 
-/* Sets the number of components. Left to the technique, it is the largest within the budget, up to the default. */
+/* Sets the components: by default, the most within the budget. */
 SPSI_COLD sps_result spsi_tmap_resolve(sps_tmap *map) {
     const spsi_technique *technique = map->technique;
     sps_tmap_settings *settings = &map->settings;
@@ -15090,7 +15011,7 @@ SPSI_COLD sps_result spsi_tmap_aim(sps_tmap *map) {
     return SPS_OK;
 }
 
-/* Sets up a map that is zero except for its context. */
+/* The map is zero except for its context. */
 SPSI_COLD sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, const sps_tmap_settings *settings) {
     map->light = -1;
     map->settings = spsi_settings_resolve(settings, 0);
@@ -15111,7 +15032,7 @@ SPSI_COLD sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light,
     return spsi_tmap_aim(map) || spsi_tmap_resolve(map) ? map->context->result : spsi_tmap_take_planes(map);
 }
 
-/* Adds a whole scene or nothing, so that a failed call can be repeated. */
+/* Adds all or nothing, so that failed calls can be repeated. */
 SPSI_COLD sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
     const void *more[3] = {scene->volumes, scene->meshes, scene->particles};
     const size_t count[3] = {(size_t)scene->volume_count, (size_t)scene->mesh_count, (size_t)scene->particle_set_count};
@@ -15148,7 +15069,7 @@ SPSI_COLD void spsi_tmap_forget(sps_tmap *map) {
     memset(map->added.counts, 0, sizeof map->added.counts);
 }
 
-/* Builds the frame of all occluders, as the first face sees it; NULL on failure. */
+/* Builds the frame as the first face sees it; NULL on failure. */
 SPSI_COLD spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     sps_scene scene;
     memset(&scene, 0, sizeof scene);
@@ -15169,7 +15090,7 @@ SPSI_COLD spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     return frame;
 }
 
-/* Depth of a corner of gas along the map's axis, or along that of its cube face. */
+/* Depth of a corner along the axis of its face. */
 static double spsi_tmap_corner_depth(const sps_tmap *map, const spsi_bounds *bounds, int corner) {
     double point[3], q[3], t = 0;
     spsi_bounds_corner(bounds, corner, point);
@@ -15202,7 +15123,7 @@ SPSI_COLD void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *fra
     context->config.message_fn(context->config.message_user, text);
 }
 
-/* Reports a light inside the gas, whose single face misses the gas behind it. */
+/* Reports a light inside the gas, whose single face misses the rest. */
 SPSI_COLD void spsi_tmap_tell_amid(const sps_tmap *map, const spsi_frame *frame) {
     const sps_config *config = &map->context->config;
     const spsi_rays *rays = &map->rays[0];
@@ -15218,7 +15139,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
     spsi_frame *frame = spsi_tmap_frame(map);
     memset(&occluders, 0, sizeof occluders);
     if (!frame) return context->result;
-    /* voxels last: slabs are cut from their bounds, without particles */
+    /* last, since slabs are cut from the voxels' bounds alone */
     if (spsi_gather_particles(context, frame) || spsi_gather(context, frame) || spsi_pyramids_place(context, frame) ||
         spsi_gather_faces(context, frame, &occluders.faces))
         return context->result;
@@ -15233,7 +15154,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
 
 /* --- a light's own map --- */
 
-/* Fits the depth range to all gas, along a face's axis. */
+/* Fits the depth range to all gas. */
 SPSI_COLD void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
     sps_tmap_settings *settings = &map->settings;
     double low = map->face_count > 1 ? 0 : HUGE_VAL, high = -HUGE_VAL, room;
@@ -15242,7 +15163,7 @@ SPSI_COLD void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
         low = spsi_dmin(low, t);
         high = spsi_dmax(high, t);
     }
-    /* distant gas, no more than a point, still needs a range */
+    /* distant gas still needs a range */
     high = spsi_dmax(high, low + spsi_dmax(1e-12 * fabs(low), DBL_MIN / DBL_EPSILON));
     room = settings->technique == SPS_TMAP_FOURIER && !map->has_range ? SPSI_GUARD_BAND * (high - low) : 0;
     settings->near_depth = map->rays[0].perspective ? spsi_dmax(low - room, 0) : low - room;
@@ -15251,7 +15172,7 @@ SPSI_COLD void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
     for (int face = 0; face < map->face_count; ++face) map->rays[face].depth_reference = settings->near_depth;
 }
 
-/* Hash of a map's gas; 0 if the next call may have another. */
+/* Hash of a map's gas; 0 if it may change. */
 static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_volumes_fingerprint(frame);
     for (int i = 0; i < frame->medium_count && hash; ++i)
@@ -15267,7 +15188,6 @@ static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
     return hash;
 }
 
-/* Hash of a table's rays and planes. */
 SPSI_COLD uint64_t spsi_shadow_table_aim(const sps_tmap *map) {
     const double range[] = {map->settings.near_depth, map->settings.far_depth, (double)map->table_end};
     uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, range, sizeof range);
@@ -15282,14 +15202,14 @@ SPSI_COLD uint64_t spsi_shadow_table_aim(const sps_tmap *map) {
     return hash;
 }
 
-/* Hash of a table's input, given that of the gas; 0 if the gas has none. */
+/* Hash of a table's input; 0 if the gas has none. */
 SPSI_COLD uint64_t spsi_shadow_table_key(const spsi_frame *frame, uint64_t aim, uint64_t gas) {
     const double knobs[] = {frame->view.slab_thickness, frame->accuracy.cut, (double)frame->view.filling};
     return gas ? spsi_fingerprint_word(spsi_fingerprint(gas, knobs, sizeof knobs), aim) | 1 : 0;
 }
 
-/* Moves a cached table with the map's rays into the map, to be updated if its gas differs. All cached tables show the
-   same gas. */
+/* Moves a cached table with equal rays into the map, to be updated if its gas differs. All cached tables show the same
+   gas. */
 SPSI_COLD void spsi_shadow_table_take(sps_context *context, sps_tmap *map) {
     sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     int i = 0;
@@ -15312,7 +15232,6 @@ static void spsi_tmaps_drop(sps_context *context, spsi_buffer_id id, int *count)
     *count = 0;
 }
 
-/* Aims a light's own map. */
 SPSI_COLD sps_result spsi_light_tmap_aim(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                          sps_tmap *map) {
     memset(map, 0, sizeof *map);
@@ -15330,7 +15249,7 @@ SPSI_COLD sps_result spsi_light_tmap_aim(sps_context *context, const spsi_frame 
     return spsi_tmap_resolve(map);
 }
 
-/* Begins a light's own map, with a cached table if there is one. `gas`: fingerprint of the gas. */
+/* Starts from a cached table, if any. `gas`: its fingerprint. */
 SPSI_COLD sps_result spsi_light_tmap_begin(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                            uint64_t gas, sps_tmap *map) {
     const spsi_subject at = spsi_settings_of(context, light->index);
@@ -15345,7 +15264,6 @@ SPSI_COLD sps_result spsi_light_tmap_begin(sps_context *context, const spsi_fram
     return SPS_OK;
 }
 
-/* Fills the map unless its table was cached. */
 SPSI_COLD sps_result spsi_light_tmap_fill(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                           const spsi_call_stage *part, sps_tmap *map) {
     spsi_occluders occluders;
@@ -15361,9 +15279,9 @@ SPSI_COLD sps_result spsi_light_tmap_fill(sps_context *context, const spsi_frame
 
 /* --- size of a light's map, before anything is read --- */
 
-/* Maximum texels of all faces, and of the longer side, before particles are read. A light inside the volumes' boxes may
-   turn out to be in front of their gas. A single face then spans 2 tan 78 degrees times its distance, up to sqrt(3)
-   times that along an axis. */
+/* Maximum texels: of all faces, and along a side. Particles have not been read. A light inside the boxes may be in
+   front of the gas. Its single face then spans 2 tan 78 degrees times a distance up to sqrt(3) times that along an
+   axis. */
 SPSI_COLD size_t spsi_light_tmap_texels(const spsi_frame *frame, const spsi_light *light, size_t *side) {
     spsi_rays rays[SPSI_CUBE_FACES];
     const size_t most = (size_t)(light->map_size > 0 ? light->map_size : spsi_map_texels_most(frame, light));
@@ -15384,7 +15302,7 @@ SPSI_COLD size_t spsi_light_tmap_texels(const spsi_frame *frame, const spsi_ligh
     return *side * *side > six ? *side * *side : six;
 }
 
-/* Maximum components. A table's planes are a texel apart in the middle of its depths. */
+/* A table's planes are a texel apart in mid-depth. */
 SPSI_COLD size_t spsi_light_tmap_components(const spsi_frame *frame, const spsi_light *light) {
     const int most = spsi_techniques[SPS_TMAP_TABLE].usual;
     double across[3], planes;
@@ -15395,14 +15313,14 @@ SPSI_COLD size_t spsi_light_tmap_components(const spsi_frame *frame, const spsi_
     return (size_t)spsi_dmin(planes, most);
 }
 
-/* Bytes of a light's map, and of filling it, without lists of intervals and their fits, whose length is unknown. */
+/* Bytes of a light's map, and of filling it, without lists and their fits, whose length is unknown. */
 SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *light, size_t *held, size_t *filling) {
     size_t side;
     const size_t texels = spsi_light_tmap_texels(frame, light, &side);
     const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
     const size_t components = spsi_light_tmap_components(frame, light);
     const int lists = spsi_techniques[light->map.technique].lists > 0;
-    *held = sizeof(sps_tmap) + (texels + 1) * (lists ? 1 : components) * sizeof(float); /* one more for the planes */
+    *held = sizeof(sps_tmap) + (texels + 1) * (lists ? 1 : components) * sizeof(float); /* also planes */
     if (spsi_has_shadow_table(light)) /* also fingerprints, the cached map, and blocks beyond two edges */
         *held += SPSI_CUBE_FACES * tiles * tiles * sizeof(spsi_tile_fingerprints) + sizeof(sps_tmap) +
                  SPSI_CUBE_FACES * SPSI_SHADOW_TABLE_SIDE * (side + 16) * components * sizeof(float);

@@ -10987,14 +10987,14 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossi
    plus h / 24 times the change of differences between its ends. This midpoint rule with end correction has an error
    O(h^4). Slabs cut by a polygon or the near plane are sampled separately.
    Where voxels are smaller than pixels, a pixel has two rays. They swing between corners of its middle half from sample
-   to sample, as good as four rays. Still smaller voxels take up to 8^2 rays. Unclassified volumes have a pyramid,
-   filtered by 1, 3, 3, 1 along each axis (spectrum cos^3). Classified ones have none, because a transfer function of a
-   mean is not the mean of the transfer function. The camera's pixels choose one level for all targets; with two, gas
-   would lie before or behind its own shadow. The next level is blended in gradually.
-   With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels where gas is smooth. Cubics interpolate between
-   them; third differences of voxels, per octant of a brick, bound their error.
-   Cost in vector operations: 20 per sample of 4^3 voxels, 80 of 6^3, twice that per gradient; 60 per vector of samples;
-   5 per interpolated vector. A level costs 60 operations per voxel. */
+   to sample, as good as four rays. Still smaller voxels take up to 8^2. Unclassified volumes have a pyramid, filtered
+   by 1, 3, 3, 1 along each axis (spectrum cos^3). Classified ones do not, since a transfer function of a mean is not
+   the mean of the transfer function. The camera's pixels choose one level for all targets; with two, gas would lie
+   before or behind its own shadow. The next level is blended in gradually.
+   With a tolerance, sixteen rays stand for 8 x 8 pixels where gas is smooth. Cubics interpolate between them; third
+   differences per octant of a brick bound the error.
+   Cost in vector operations: 20 per sample of 4^3 voxels, 80 of 6^3, twice that per gradient. Add 60 per vector of
+   samples; interpolated ones take 5. A level takes 60 per voxel. */
 
 #define SPSI_SAMPLER_MOST     11   /* samples per ray and slab; thicker slabs are splatted */
 #define SPSI_SAMPLER_STEP     1.45 /* largest step in voxels: one sample in a one-voxel slab at any angle */
@@ -11104,7 +11104,6 @@ SPSI_COLD void spsi_pyramid_place(const spsi_brick *bricks, int taps, spsi_pyram
     for (int k = 0; k < 3; ++k) field->size[k] = field->end > field->first ? high[k] - field->low[k] + 1 : 0;
 }
 
-/* Marks the octants within reach, a bit each. */
 static void spsi_pyramid_mark(const spsi_brick *brick, int taps, spsi_pyramid_level *field) {
     int range[2][3], at[3];
     spsi_pyramid_reach(brick, taps, range);
@@ -11140,7 +11139,7 @@ SPSI_COLD void spsi_pyramid_number(const spsi_brick *bricks, int taps, spsi_pyra
 
 typedef struct spsi_pyramid_job {
     const sps_context *context;
-    const spsi_brick *bricks;        /* of relevant voxels */
+    const spsi_brick *bricks;        /* relevant voxels */
     const spsi_material *classifies; /* decides visibility; NULL: above 0 */
     int taps;
     const spsi_pyramid_level *field;
@@ -11163,7 +11162,6 @@ static void spsi_pyramid_show(const spsi_pyramid_job *job, const float *values, 
     }
 }
 
-/* Writes a brick's own voxels and a zero apron. */
 static void spsi_pyramid_own_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
     const int edge = spsi_pyramid_edge(job->taps), pitch = spsi_pyramid_pitch(job->taps), border = job->taps / 2 - 1;
@@ -11204,7 +11202,6 @@ static void spsi_pyramid_copy(int taps, const int off[3], const float *from, flo
         }
 }
 
-/* Visible voxels in a row of three bricks. */
 static inline uint32_t spsi_shown_row(const uint64_t *const shown[3], int row) {
     uint32_t bits = 0;
     for (int k = 0; k < 3; ++k)
@@ -11278,7 +11275,7 @@ static inline spsi_v spsi_third_most(spsi_v most, spsi_v a, spsi_v b) {
     return spsi_max(most, spsi_abs(spsi_sub(a, b)));
 }
 
-/* Second differences of rows: xx, yy, zz, xy. */
+/* xx, yy, zz and xy. */
 static inline void spsi_second_difference(const float *v, const int step[3], spsi_v second[4]) {
     const spsi_v here = spsi_load(v), right = spsi_load(v + step[0]), below = spsi_load(v + step[1]);
     for (int k = 0; k < 3; ++k)
@@ -11286,7 +11283,6 @@ static inline void spsi_second_difference(const float *v, const int step[3], sps
     second[3] = spsi_sub(spsi_sub(spsi_load(v + step[0] + step[1]), right), spsi_sub(below, here));
 }
 
-/* Greatest third differences that begin in 4 x 4 rows. */
 static inline void spsi_third_difference(const float *v, const int step[3], spsi_v third[10]) {
     static const int pairs[6][2] = {{0, 1}, {0, 2}, {1, 0}, {1, 2}, {2, 0}, {2, 1}}; /* x x y, x x z, ... */
     for (int i = 0; i < 10; ++i) third[i] = spsi_set(0);
@@ -11425,10 +11421,9 @@ typedef struct spsi_sampler {
     int lone;         /* 1: one sample per slab, stored instead of its mean */
     float near_d;     /* t where rays begin, minus depth_reference */
     float scale;      /* factor on values */
-    float rows[3][3]; /* d coordinate / d world, times the cube root of a voxel's volume */
+    float rows[3][3]; /* coordinates per world length, times the cube root of a voxel's volume */
 } spsi_sampler;
 
-/* Kernel weights along each axis, and derivatives. */
 typedef struct spsi_tap_weights {
     const float *at[3], *change[3];
 } spsi_tap_weights;
@@ -11559,7 +11554,6 @@ static void spsi_sampler_gradient(const spsi_sampler *t, const spsi_v place[3], 
     }
 }
 
-/* Samples on a vector of rays. */
 typedef struct spsi_sampler_line {
     spsi_v start[3], step[3]; /* sample 0, half a step into the first slab; step */
     spsi_v first, end;        /* range of samples */
@@ -11574,7 +11568,7 @@ typedef struct spsi_sampler_rays {
     int swings;              /* 0: all samples are on the first line */
     int steps;               /* samples per slab */
     int lanes;               /* mask of active rays */
-    const int *by_slab;      /* mask of rays per slab, from the one before the tile's first */
+    const int *by_slab;      /* mask of rays per slab, beginning one slab early */
 } spsi_sampler_rays;
 
 static inline void spsi_sampler_line_clip(const spsi_pyramid_level *field, spsi_sampler_line *line) {
@@ -11605,7 +11599,6 @@ static inline void spsi_sampler_line_build(const spsi_sampler *t, const spsi_til
     spsi_sampler_line_clip(t->field, line);
 }
 
-/* Builds ray number `part` of each pixel. */
 static inline void spsi_sampler_rays_build(const spsi_sampler *t, const spsi_tile *tile, spsi_v x, spsi_v y, int part,
                                            int steps, spsi_sampler_rays *rays) {
     const int row = t->rays == 2 ? part : part / t->side;
@@ -11666,7 +11659,6 @@ static inline int spsi_sampler_inside(const spsi_pyramid_level *field, const sps
     return lanes;
 }
 
-/* Integral over part of a slab on one ray. */
 static float spsi_sampler_part(const spsi_sampler *t, const spsi_sampler_rays *rays, int lane, float from, float to,
                                uint64_t *samples) {
     const float share = (to - from) / fabsf(spsi_lane(rays->per_slab, lane)) * (float)rays->steps;
@@ -11801,14 +11793,13 @@ static float spsi_sampler_slabs_per_depth(const spsi_sampler *t, float x, float 
     return t->slab.slope[0] + x * t->slab.slope[1] + y * t->slab.slope[2];
 }
 
-/* Error bound of a slab's mean, with `way` voxels crossed in steps of h, and third derivative `bend`: h^3 / 192 of it
-   for the corrected midpoint rule (integrated Peano kernel), h^3 / (288 steps) for differences in the correction. */
+/* Error bound of a slab's mean, with `way` voxels crossed in steps of h. The corrected midpoint rule adds h^3 / 192 of
+   the third derivative `bend` (integrated Peano kernel), its differences h^3 / (288 steps). */
 static float spsi_sampler_steps_bound(float bend, float way, int steps) {
     const float h = way / (float)steps;
     return bend * h * h * h * (1 / 192.0f + 1 / (288.0f * (float)steps));
 }
 
-/* Depth where a corner's ray crosses a slab plane. */
 static float spsi_sampler_patch_depth(const spsi_sampler *t, const spsi_sampler_patch *patch, int corner, int plane) {
     const float x = patch->x[spsi_sampler_corner(corner)], y = patch->y[spsi_sampler_corner(corner)];
     const float base = t->slab.base[0] + x * t->slab.base[1] + y * t->slab.base[2];
@@ -11838,8 +11829,8 @@ static float spsi_sampler_patch_extent(const spsi_sampler *t, const spsi_tile *t
     return sqrtf(most);
 }
 
-/* Error of a cubic with nodes at 0, w / 3, 2 w / 3, w: w^3 / 378.8 of the third derivative (integrated Peano kernel).
-   The greatest sum of its weights' magnitudes. */
+/* Error over the third derivative: w^3 / 378.8 for a cubic with four even nodes across w (integrated Peano kernel).
+   Greatest sum of its weights' magnitudes. */
 #define SPSI_CUBIC_BOUND   (1 / 378.8f)
 #define SPSI_CUBIC_WEIGHTS 1.631f
 
@@ -11849,7 +11840,7 @@ static float spsi_sampler_patch_bound(const spsi_sampler *t, const spsi_tile *ti
     return SPSI_CUBIC_BOUND * (spsi_fmin(x * x * x, y * y * y) * SPSI_CUBIC_WEIGHTS + spsi_fmax(x * x * x, y * y * y));
 }
 
-/* Depths between which no ray of a patch begins or ends. */
+/* Depth range where no ray begins or ends. */
 static void spsi_sampler_patch_range(const spsi_sampler *t, const spsi_tile *tile, const spsi_sampler_patch *patch,
                                      float range[2]) {
     float deepest = -SPSI_INFINITY;
@@ -11929,7 +11920,7 @@ static spsi_v spsi_sampler_boxes_thirds(const spsi_sampler *t, const spsi_sample
             }
         }
     }
-    return spsi_mul(most, spsi_set((float)(1 << 3 * t->level))); /* cubes of longer steps */
+    return spsi_mul(most, spsi_set((float)(1 << 3 * t->level))); /* third differences of larger steps */
 }
 
 /* Bounds the third derivative around each slab, as far as `steps` samples reach. Returns a mask of slabs that all rays
@@ -11963,7 +11954,6 @@ static void spsi_sampler_cubic(float u, float weights[4]) {
 /* Position of pixel `i` of `count` between nodes. */
 static float spsi_sampler_ray_position(int i, int count) { return count > 1 ? 3 * (float)i / (float)(count - 1) : 0; }
 
-/* Column weights for a vector of pixels. */
 static inline void spsi_sampler_across(int x, int width, spsi_v across[4]) {
     float lanes[4][SPSI_LANES];
     memset(lanes, 0, sizeof lanes);
@@ -11988,7 +11978,6 @@ static inline void spsi_sampler_spread(const float *sums, const float down[][4],
     }
 }
 
-/* Adds a patch's sheets, interpolated from 16 sums per slab. */
 static void spsi_sampler_patch_spread(const spsi_tile *tile, const spsi_sampler_patch *patch, const int slabs[2],
                                       const float *sums, float *sheets) {
     const int width = patch->x1 - patch->x0 + 1, height = patch->y1 - patch->y0 + 1;
@@ -12010,7 +11999,6 @@ static void spsi_sampler_patch_spread(const spsi_tile *tile, const spsi_sampler_
     }
 }
 
-/* Traces a patch's rays through slabs[0] to slabs[1] - 1. */
 static void spsi_sampler_patch_add(const spsi_sampler *t, spsi_tile *tile, const spsi_sampler_patch *patch,
                                    const int slabs[2], int steps, float *sheets) {
     float sums[SPSI_SAMPLER_SLABS * 16];
@@ -12029,7 +12017,6 @@ static void spsi_sampler_patch_add(const spsi_sampler *t, spsi_tile *tile, const
     spsi_sampler_patch_spread(tile, patch, slabs, sums, sheets);
 }
 
-/* Most voxels crossed in a slab, at the tile's corners. */
 static float spsi_sampler_crossed(const spsi_sampler *t, const spsi_tile *tile) {
     float most = 0;
     for (int corner = 0; corner < 4; ++corner) {
@@ -12407,7 +12394,6 @@ static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, c
     }
 }
 
-/* Places the finest levels. Returns the bricks in all grids. */
 SPSI_COLD size_t spsi_pyramids_begin(const sps_context *context, const spsi_frame *frame, spsi_pyramid *fields) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     size_t all = 0;
@@ -12437,7 +12423,6 @@ SPSI_COLD int *spsi_pyramid_lay(spsi_pyramid_level *field, int *memory) {
     return memory;
 }
 
-/* Builds all grids, unless cached or not needed. */
 SPSI_COLD sps_result spsi_pyramids_place(sps_context *context, const spsi_frame *frame) {
     const int taps = spsi_taps_wanted(frame);
     if (!spsi_pyramids_wanted(frame)) return SPS_OK;
@@ -12463,13 +12448,11 @@ SPSI_COLD sps_result spsi_pyramids_place(sps_context *context, const spsi_frame 
     return SPS_OK;
 }
 
-/* Memory for several levels. */
 typedef struct spsi_pyramid_stock {
     float *values;
-    size_t count, used; /* bricks */
+    size_t count, used;
 } spsi_pyramid_stock;
 
-/* Fills a level from `fine`, or from relevant voxels. */
 SPSI_COLD void spsi_pyramid_fill(sps_context *context, const spsi_frame *frame, int medium, spsi_pyramid_stock *stock,
                                  const spsi_pyramid_level *fine, spsi_pyramid_level *field) {
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
@@ -12487,7 +12470,6 @@ SPSI_COLD void spsi_pyramid_fill(sps_context *context, const spsi_frame *frame, 
     spsi_parallel_by(context, SPSI_PYRAMID_BATCH, field->count, spsi_pyramid_apron_task, &job);
 }
 
-/* Fills the finest levels, once. */
 SPSI_COLD sps_result spsi_pyramids_fill(sps_context *context, const spsi_frame *frame) {
     spsi_pyramid *fields = frame->content->fields;
     const size_t bytes = spsi_pyramid_brick_bytes(fields->taps);
@@ -12505,7 +12487,7 @@ static int spsi_levels_held(const spsi_frame *frame, int medium, int most) {
     return frame->content->fields->list[medium].count > 0 ? spsi_imin(most, spsi_levels_wanted(frame, medium)) : 0;
 }
 
-/* Builds grids of coarser levels. Returns their bricks. */
+/* Returns the number of bricks. */
 SPSI_COLD size_t spsi_levels_number(const spsi_frame *frame, int levels, int *memory, spsi_pyramid *fields) {
     size_t count = 0;
     for (int m = 0; m < frame->medium_count; ++m)
@@ -12518,7 +12500,6 @@ SPSI_COLD size_t spsi_levels_number(const spsi_frame *frame, int levels, int *me
     return count;
 }
 
-/* Fills coarser levels, once. */
 SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame, int levels) {
     spsi_pyramid *fields = frame->content->fields;
     spsi_pyramid_stock stock = {NULL, 0, 0};
@@ -12543,7 +12524,6 @@ SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *fr
 
 /* --- third differences --- */
 
-/* Bounds of single octants. */
 static void spsi_thirds_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
     const spsi_pyramid_level *field = job->field;
@@ -12558,7 +12538,6 @@ static void spsi_thirds_task(void *data, int held) {
                      (size_t)(2 * at[0] + n % 2)] = bends[n];
 }
 
-/* Bounds third differences, once. */
 SPSI_COLD sps_result spsi_pyramids_thirds(sps_context *context, const spsi_frame *frame) {
     spsi_pyramid *fields = frame->content->fields;
     size_t cells = 0;
@@ -12588,17 +12567,17 @@ SPSI_COLD sps_result spsi_pyramids_thirds(sps_context *context, const spsi_frame
 /* ============================================================================================== >>targets
    22 Filling sheets. A target is a grid of rays with a sheet per slab: the camera's, a light's, or a map face's. A
    chunk of SPSI_CHUNK slabs is filled tile by tile. A tile is one task that adds bricks, then particles, in order of
-   their numbers: sums are identical for any number of workers and any region. Queues sort both by the first chunk that
-   they reach. A tile costs one comparison per brick; particles are binned by tile. Footprints inside patches of 8 x 8
-   pixels whose rays have all terminated cost one test. */
+   their numbers. Sums are thus identical for any number of workers and any region. Queues sort both by their first
+   chunk. A tile costs one comparison per brick; particles are binned by tile. Footprints inside patches of 8 x 8 pixels
+   whose rays have all terminated cost one test. */
 
 /* --- contents of the slabs --- */
 
 typedef struct spsi_queue {
     uint16_t (*chunks)[2]; /* first and last, per item */
-    int *order;            /* by first chunk, then by number */
+    int *order;            /* sorted by first chunk, then number */
     int *starts;           /* per chunk, and the end: first in `order` */
-    int *present;          /* in the current chunk, by number */
+    int *present;          /* current chunk's items, by number */
     int count;
     int current;           /* length of `present` */
 } spsi_queue;
@@ -12732,7 +12711,6 @@ SPSI_COLD sps_result spsi_target_begin_spending(sps_context *context, spsi_buffe
     return SPS_OK;
 }
 
-/* Greatest error of any patch. */
 SPSI_COLD float spsi_target_spent(const spsi_target *target) {
     const size_t count = target->spent ? spsi_spent_bytes(target->rays) / sizeof(float) : 0;
     float most = 0;
@@ -12740,7 +12718,6 @@ SPSI_COLD float spsi_target_spent(const spsi_target *target) {
     return most;
 }
 
-/* Bricks and particles of a chunk, and the targets with these slabs. */
 typedef struct spsi_contents {
     sps_context *context;
     const spsi_frame *frame;
@@ -12749,7 +12726,7 @@ typedef struct spsi_contents {
     int target_count;
     const spsi_brick *list;
     spsi_queue bricks, particles;
-    int first_slab; /* chunk's */
+    int first_slab; /* current chunk's */
 } spsi_contents;
 
 SPSI_COLD void spsi_contents_advance(spsi_contents *contents, int chunk) {
@@ -13057,7 +13034,6 @@ SPSI_COLD sps_result spsi_contents_add_particles(spsi_contents *contents) {
 
 /* --- a chunk's particles, by tile --- */
 
-/* The particle's spsi_lists.places. */
 static int spsi_list_place(const spsi_target *target, const spsi_sphere *sphere) {
     const int x0 = sphere->x0 / SPSI_TILE_WIDTH, x1 = sphere->x1 / SPSI_TILE_WIDTH;
     const int y0 = sphere->y0 / SPSI_TILE_HEIGHT, y1 = sphere->y1 / SPSI_TILE_HEIGHT;
@@ -13180,7 +13156,6 @@ static float spsi_target_depth(const spsi_target *target, int medium, const spsi
     return extinction * most;
 }
 
-/* Interpolation of a patch. */
 typedef struct spsi_patch_plan {
     spsi_sampler_patch patch;
     float allowed;             /* tolerance up to this chunk */
@@ -13230,7 +13205,7 @@ static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_sampler *here
         plan.spent = &spent[n];
         plan.depth = here->mix * spsi_target_depth(target, medium, &plan.patch);
         spsi_patch_choose(here, fill->tile, &plan);
-        for (run[0] = 0; run[0] < count; run[0] = run[1]) { /* slabs with equal steps */
+        for (run[0] = 0; run[0] < count; run[0] = run[1]) {
             const int steps = plan.steps[run[0]];
             for (run[1] = run[0]; run[1] < count && plan.steps[run[1]] == steps; ++run[1])
                 if (steps > 0) rest[run[1]] &= ~(UINT64_C(1) << n);
@@ -13437,7 +13412,6 @@ static void spsi_tile_count(const spsi_target *target, const spsi_tile *tile, in
     target->counts[worker][2] += tile->samples;
 }
 
-/* Approximate work in samples. */
 static uint32_t spsi_tile_work(const spsi_tile *tile) { return (uint32_t)(tile->samples + 8 * tile->visits); }
 
 /* ========================================================================================== >>lightsheets
@@ -13571,11 +13545,11 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
    coordinate from the light, so nothing jumps between them. Opaque surfaces are a separate depth per texel, since they
    would spoil any technique's fit.
    Maps are filled by rows of tiles (bands). A tile is one task that visits volumes, particles and triangles in order,
-   so that results are identical for any number of workers. Vectors of intervals are added to sums, widen the texels'
-   ranges, or are counted, listed, sorted and fitted. Volumes are splatted into slabs perpendicular to the light's axis:
-   once for plain sums, otherwise twice. A light's shadow table is an opacity map of packed 16-bit pairs of planes. It
-   is cached; the next call refills only patches whose fingerprints changed. Cost: occluders times texels times
-   components; 4 bytes per texel and component in a band of 64 rows, or 16 per interval. */
+   so that results are identical for any number of workers. Vectors of intervals are added to sums or, for lists,
+   counted, sorted and fitted. Volumes are splatted into slabs perpendicular to the light's axis: once for plain sums,
+   otherwise twice. A light's shadow table is an opacity map of packed 16-bit pairs of planes. It is cached; the next
+   call refills only patches whose fingerprints changed. Cost: occluders times texels times components; 4 bytes per
+   texel and component in a band of 64 rows, or 16 per interval. */
 
 #define SPSI_NO_SURFACE 1e30f /* u where there is none, far behind far_depth */
 #define SPSI_GUARD_BAND 0.05  /* fraction of the depth range, free at either end: Fourier series are periodic */
@@ -13625,14 +13599,12 @@ SPSI_COLD size_t spsi_tmap_texel_count(const sps_tmap *map) {
     return spsi_ray_count(&map->rays[0]) * (size_t)map->face_count;
 }
 
-/* A tile's fingerprints; NULL: none. */
 static spsi_tile_fingerprints *spsi_tmap_fingerprints(const sps_tmap *map, int face, int row, int column) {
     const int columns = spsi_tile_columns(&map->rays[0]), rows = spsi_tile_rows(&map->rays[0]);
     spsi_tile_fingerprints *prints = (spsi_tile_fingerprints *)map->data.prints.data;
     return prints ? prints + ((size_t)face * (size_t)rows + (size_t)row) * (size_t)columns + column : NULL;
 }
 
-/* Mask of a tile's patches with texels. */
 static uint64_t spsi_tmap_patches(const sps_tmap *map, int row, int column) {
     return spsi_patch_box(0, 0, map->rays[0].width - 1 - column * SPSI_TILE_WIDTH,
                           map->rays[0].height - 1 - row * SPSI_TILE_HEIGHT);
@@ -13673,7 +13645,6 @@ static float spsi_tmap_optical_depth(const sps_tmap *map, size_t index, float u)
     return spsi_one(spsi_tmap_texels_depths(map, &one, spsi_set(u)));
 }
 
-/* Bounds of optical depth before u in one texel. */
 static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float bounds[2]) {
     bounds[0] = 0;
     bounds[1] = SPSI_DEPTH_MAX;
@@ -13693,7 +13664,6 @@ static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float b
     }
 }
 
-/* Texels around a point, for bilinear lookup. */
 typedef struct spsi_tmap_quad {
     int column[2], row[2]; /* rows of all faces, one below the other */
     double weight[4], t;
@@ -13750,7 +13720,7 @@ typedef struct spsi_tmap_quads {
     spsi_v column[2], row[2], weight[4], u;
 } spsi_tmap_quads;
 
-/* Lookup texel by texel; weight 0 is skipped. */
+/* Weight 0 is skipped. */
 static spsi_v spsi_tmap_each_optical_depth(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
     float columns[SPSI_LANES], rows[SPSI_LANES], us[SPSI_LANES], weights[SPSI_LANES];
     spsi_store(columns, column);
@@ -13767,10 +13737,10 @@ static spsi_v spsi_tmap_each_optical_depth(const sps_tmap *map, spsi_v column, s
 #define SPSI_SHADOW_TABLE_SIDE                                                                                         \
     4 /* side of a block: its planes are 64 bytes, fetched together */
 #define SPSI_SHADOW_TABLE_TEXELS      (SPSI_SHADOW_TABLE_SIDE * SPSI_SHADOW_TABLE_SIDE)
-#define SPSI_SHADOW_TABLE_MOST        65535.0f   /* code of table_end */
+#define SPSI_SHADOW_TABLE_MOST        65535.0f   /* stands for table_end */
 #define SPSI_SHADOW_TABLE_BLOCKS_MOST 16777216.0 /* planes of blocks, counted by floats */
 
-/* Blocks along a row; all blocks, faces one below the other. */
+/* Blocks along a row; all blocks. */
 static int spsi_shadow_table_columns(const sps_tmap *map) {
     return (map->rays[0].width + SPSI_SHADOW_TABLE_SIDE - 1) / SPSI_SHADOW_TABLE_SIDE;
 }
@@ -14069,8 +14039,7 @@ static void spsi_insert_one(const spsi_map_tile *into, int x, int y, const spsi_
     if (interval->depth > 0) spsi_insert(into, x, y, &one);
 }
 
-/* Inserts part of a soft interval as three Gauss points per sixth of a wave; error 1e-6 for moments and Fourier
-   series. */
+/* Inserts part of a soft interval as points, three per sixth of a wave; error 1e-6 for moments and Fourier series. */
 static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const spsi_interval *interval, double from,
                                double to) {
     const sps_tmap *map = into->filling->map;
@@ -14101,7 +14070,7 @@ static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const sps
     spsi_insert_one(into, x, y, &back);
 }
 
-/* Inserts a chord, cut at the light or split. `in_t`: middle and half length in t, optical depth. */
+/* Inserts a chord, cut at the light. `in_t`: middle and half length in t, optical depth. */
 static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, const float in_t[3]) {
     const spsi_filling *filling = into->filling;
     const double per_t = filling->map->per_depth, light = filling->light_u;
@@ -14359,7 +14328,6 @@ SPSI_COLD sps_result spsi_fill_sums(spsi_filling *filling) {
 
 /* --- lists --- */
 
-/* Counts the band's intervals, then lists them. */
 SPSI_COLD sps_result spsi_fill_lists(spsi_filling *filling) {
     sps_context *context = filling->context;
     const size_t texels = (size_t)filling->map->rays[0].width * (size_t)spsi_filling_height(filling);
@@ -14384,7 +14352,6 @@ SPSI_COLD sps_result spsi_fill_lists(spsi_filling *filling) {
     return spsi_fill_band(filling, SPSI_VISIT_LIST);
 }
 
-/* A worker's memory. */
 typedef struct spsi_fitting {
     const spsi_filling *filling;
     spsi_interval *intervals;
@@ -14408,7 +14375,7 @@ static size_t spsi_fitting_lay_out(const spsi_filling *filling, float *memory, s
     return laid;
 }
 
-/* Fits a sorted list; returns its nodes. */
+/* Returns the number of nodes. */
 static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_interval *list, uint32_t count) {
     const spsi_filling *filling = fitting->filling;
     const int most = filling->map->settings.components / 2;
@@ -14474,7 +14441,6 @@ SPSI_COLD sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) 
     return spsi_fail_member(&at, SPS_ERROR_MEMORY, "byte_budget", (double)map->settings.byte_budget, rule);
 }
 
-/* Reserves a band's items. */
 SPSI_COLD sps_result spsi_append_band(spsi_filling *filling) {
     sps_tmap *map = filling->map;
     const size_t texels = (size_t)map->rays[0].width * (size_t)spsi_filling_height(filling);
@@ -14524,7 +14490,7 @@ SPSI_COLD sps_result spsi_fill_fits(spsi_filling *filling) {
 
 typedef struct spsi_sphere_job {
     const spsi_rays *rays;
-    const spsi_rays *faces; /* all cube faces, on which a particle's mass is equal; NULL: one face */
+    const spsi_rays *faces; /* all cube faces: a particle's mass is equal on each; NULL: one face */
     const spsi_frame *frame;
     double near_depth, steps_per_depth;
     uint32_t *order; /* NULL: unsorted */
@@ -14611,7 +14577,6 @@ SPSI_COLD void spsi_spheres_outside(sps_tmap *map, const spsi_rays *rays, const 
     }
 }
 
-/* Projects, bins and, for lists, sorts particles. */
 static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi_occluders *occluders) {
     sps_context *context = map->context;
     const int tiles_x = spsi_tile_columns(rays);
@@ -14834,7 +14799,6 @@ SPSI_COLD sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occlu
     return SPS_OK;
 }
 
-/* Items known before filling. */
 static size_t spsi_tmap_known_items(const sps_tmap *map) {
     if (map->technique->lists) return spsi_tmap_texel_count(map) + 1;
     if (map->settings.technique == SPS_TMAP_TABLE)
@@ -14871,7 +14835,6 @@ SPSI_COLD sps_result spsi_tmap_reserve_fingerprints(sps_tmap *map) {
     return map->context->result;
 }
 
-/* Releases excess memory of lists. */
 SPSI_COLD sps_result spsi_tmap_trim(sps_tmap *map) {
     const size_t item = map->technique->lists, count = spsi_tmap_item_count(map);
     spsi_buffer exact = {NULL, 0};
@@ -14910,7 +14873,7 @@ SPSI_COLD sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
         return context->result;
     map->finished = 1;
     if (!map->settings.byte_budget || spsi_tmap_bytes(map) <= map->settings.byte_budget) return SPS_OK;
-    spsi_tmap_refuse_budget(map, (double)spsi_tmap_bytes(map)); /* known only while finished */
+    spsi_tmap_refuse_budget(map, (double)spsi_tmap_bytes(map));
     map->finished = 0;
     return context->result;
 }
@@ -15154,7 +15117,6 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
 
 /* --- a light's own map --- */
 
-/* Fits the depth range to all gas. */
 SPSI_COLD void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
     sps_tmap_settings *settings = &map->settings;
     double low = map->face_count > 1 ? 0 : HUGE_VAL, high = -HUGE_VAL, room;

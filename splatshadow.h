@@ -10988,7 +10988,7 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossi
    O(h^4). Slabs cut by a polygon or the near plane are sampled separately.
    Where voxels are smaller than pixels, a pixel has two rays. They swing between corners of its middle half from sample
    to sample, as good as four rays. Still smaller voxels take up to 8^2. Unclassified volumes have a pyramid, filtered
-   by 1, 3, 3, 1 along each axis (spectrum cos^3). Classified ones do not, since a transfer function of a mean is not
+   by 1, 3, 3, 1 along each axis (spectrum cos^3). Classified ones have none, since a transfer function of a mean is not
    the mean of the transfer function. The camera's pixels choose one level for all targets; with two, gas would lie
    before or behind its own shadow. The next level is blended in gradually.
    With a tolerance, sixteen rays stand for 8 x 8 pixels where gas is smooth. Cubics interpolate between them; third
@@ -10996,14 +10996,14 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossi
    Cost in vector operations: 20 per sample of 4^3 voxels, 80 of 6^3, twice that per gradient. Add 60 per vector of
    samples; interpolated ones take 5. A level takes 60 per voxel. */
 
-#define SPSI_SAMPLER_MOST     11   /* samples per ray and slab; thicker slabs are splatted */
-#define SPSI_SAMPLER_STEP     1.45 /* largest step in voxels: one sample in a one-voxel slab at any angle */
-#define SPSI_SAMPLER_STEP_6   1.0  /* with 6^3 taps */
-#define SPSI_SAMPLER_OPAQUE   1e4  /* splat voxels of greater optical depth: a tap 3 voxels away weighs 1e-5 */
+#define SPSI_SAMPLER_MOST     11    /* samples per ray and slab; thicker slabs are splatted */
+#define SPSI_SAMPLER_STEP     1.45  /* largest step in voxels: one sample in a one-voxel slab at any angle */
+#define SPSI_SAMPLER_STEP_6   1.0   /* with 6^3 taps */
+#define SPSI_SAMPLER_OPAQUE   1e4   /* splat voxels of greater optical depth: a tap 3 voxels away weighs 1e-5 */
 #define SPSI_SAMPLER_VARIANCE 0.125 /* least variance of a voxel in ray spacings: half the pixel filter's */
 #define SPSI_SAMPLER_TWO    0.25    /* limit for two swinging rays, which miss more */
 #define SPSI_SAMPLER_LONE   0.3 /* limit where lone voxels keep their mass: 4 exp(-2 pi^2 0.3) = 1 % */
-#define SPSI_SAMPLER_WIDEST 1.0 /* largest deviation of a level's voxel in texels, or half pixels */
+#define SPSI_SAMPLER_WIDEST 1.0 /* largest standard deviation of a level's voxel, in texels or half pixels */
 #define SPSI_SAMPLER_RAYS   64  /* rays per pixel */
 #define SPSI_SAMPLER_SLABS  (SPSI_CHUNK + 4) /* slabs per tile */
 #define SPSI_PYRAMID_BATCH  16               /* bricks per task */
@@ -11410,12 +11410,12 @@ typedef struct spsi_sampler {
     const spsi_pyramid *fields;
     const spsi_pyramid_level *field; /* level sampled */
     const spsi_pyramid_level *finest;
-    const uint32_t (*cells)[2];    /* cells to sample, for the reach wanted */
-    int level, wanted;             /* level sampled, 0: as read; the frame's level */
-    float mix, least, widest;      /* weight of the next level; least variance in half pixels; greatest width */
-    int rays, side;                /* rays per pixel: 1, 2 that swing, or 2^2 to 8^2; per side */
-    float aside;                   /* pixels from centre to outermost ray, per axis */
-    double breadth;                /* standard deviation of a voxel along its longest edge */
+    const uint32_t (*cells)[2]; /* cells to sample, for the reach wanted */
+    int level, wanted;          /* level sampled, 0: as read; the frame's level */
+    float mix, least, widest;   /* weight of the next level; least variance in half pixels; greatest width */
+    int rays, side;             /* rays per pixel: 1, 2 that swing, or 2^2 to 8^2; per side */
+    float aside;                /* pixels from centre to outermost ray, per axis */
+    double breadth;             /* standard deviation of a voxel along its longest edge */
     spsi_linear at[3], slab;
     int whole;        /* 1: neither polygons nor the near plane cut slabs */
     int lone;         /* 1: one sample per slab, stored instead of its mean */
@@ -11471,7 +11471,7 @@ static inline void spsi_taps_changes(int taps, const float *from, const spsi_tap
 }
 
 typedef struct spsi_sampler_places {
-    spsi_v bricks, cells;  /* brick in the grid; cell in the brick */
+    spsi_v bricks, cells; /* brick in the grid; cell in the brick */
     int brick[SPSI_LANES];
     int first[SPSI_LANES]; /* float of a brick's first tap */
     int weights[3][SPSI_LANES];
@@ -11562,13 +11562,13 @@ typedef struct spsi_sampler_line {
 /* A vector of rays. Slab s begins at depth (s - base) * per_slab. */
 typedef struct spsi_sampler_rays {
     spsi_v base, per_slab;
-    spsi_v at[3], change[3]; /* coordinates at depth 0; change with depth */
-    spsi_v nearest, limit;   /* depths where rays begin, and where polygons end them */
+    spsi_v at[3], change[3];    /* coordinates at depth 0; change with depth */
+    spsi_v nearest, limit;      /* depths where rays begin, and where polygons end them */
     spsi_sampler_line lines[2]; /* even and odd samples */
-    int swings;              /* 0: all samples are on the first line */
-    int steps;               /* samples per slab */
-    int lanes;               /* mask of active rays */
-    const int *by_slab;      /* mask of rays per slab, beginning one slab early */
+    int swings;                 /* 0: all samples are on the first line */
+    int steps;                  /* samples per slab */
+    int lanes;                  /* mask of active rays */
+    const int *by_slab;         /* mask of rays per slab, beginning one slab early */
 } spsi_sampler_rays;
 
 static inline void spsi_sampler_line_clip(const spsi_pyramid_level *field, spsi_sampler_line *line) {
@@ -11806,7 +11806,7 @@ static float spsi_sampler_patch_depth(const spsi_sampler *t, const spsi_sampler_
     return ((float)plane - base) / spsi_sampler_slabs_per_depth(t, x, y);
 }
 
-/* Length of a patch in voxels along its rows (axis 0) or columns (1). */
+/* Greatest length of a patch in voxels along its rows (axis 0) or columns (1). */
 static float spsi_sampler_patch_extent(const spsi_sampler *t, const spsi_tile *tile, const spsi_sampler_patch *patch,
                                        int axis) {
     float most = 0;
@@ -11830,7 +11830,7 @@ static float spsi_sampler_patch_extent(const spsi_sampler *t, const spsi_tile *t
 }
 
 /* Error over the third derivative: w^3 / 378.8 for a cubic with four even nodes across w (integrated Peano kernel).
-   Greatest sum of its weights' magnitudes. */
+   Greatest sum of the magnitudes of its weights. */
 #define SPSI_CUBIC_BOUND   (1 / 378.8f)
 #define SPSI_CUBIC_WEIGHTS 1.631f
 
@@ -12069,7 +12069,7 @@ static double spsi_sampler_reach(const spsi_sampler *sampler) {
     return level ? (reach + 1.5) * (1 << level) : reach;
 }
 
-/* Variance of a footprint at ray coordinates, without the pixel filter: the least, and that of a circle of equal
+/* Footprint variance at ray coordinates (x t, y t, t) without the pixel filter: the least, and a circle's of equal
    area. */
 static void spsi_footprint_variances(const spsi_splatter *s, const double q[3], double *least, double *area) {
     const double t = s->perspective ? q[2] : 1, x = s->perspective ? q[0] / t : 0, y = s->perspective ? q[1] / t : 0;
@@ -12169,7 +12169,7 @@ SPSI_COLD spsi_verdict spsi_sampler_serves(spsi_sampler *sampler, const spsi_lat
     return SPSI_GATHER_ASKED;
 }
 
-/* Compares the costs of gathering and splatting in the volume's middle. */
+/* True if gathering costs less than splatting. */
 SPSI_COLD int spsi_sampler_pays(const spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays,
                                 const spsi_splatter *splatter) {
     const spsi_pyramid_level *field = &sampler->fields->list[lattice->medium];
@@ -12233,9 +12233,10 @@ static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *ray
     return 1;
 }
 
-/* Builds and tests a level's sampler. Classified volumes take one sample where enough: its parabola is as exact as one
-   through means, and needs only adjacent slabs. Slabs as thick as pixels demand also get one; a mean of several would
-   be classified wrongly. Nine rays replace four that lose a lone voxel's mass, or whose 4 taps cut off its edge. */
+/* Builds and tests a level's sampler. Classified volumes take one sample where enough: a parabola through samples is as
+   exact as one through means, and needs only adjacent slabs. Slabs as thick as pixels demand also get one; a mean of
+   several would be classified wrongly. Nine rays replace four that lose a lone voxel's mass, or whose 4 taps cut off
+   its edge. */
 SPSI_COLD spsi_verdict spsi_sampler_try(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                         const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int count,
                                         spsi_sampler *sampler) {
@@ -12356,7 +12357,6 @@ SPSI_COLD void spsi_levels_place(spsi_pyramid *fields, int medium) {
         spsi_level_place(n ? &fields->levels[medium][n - 1] : &fields->list[medium], &fields->levels[medium][n]);
 }
 
-/* A level that covers a whole volume. */
 SPSI_COLD void spsi_pyramid_whole(const spsi_medium *medium, spsi_pyramid_level *field) {
     for (int k = 0; k < 3; ++k) {
         field->low[k] = -1;
@@ -12579,7 +12579,7 @@ typedef struct spsi_queue {
     int *starts;           /* per chunk, and the end: first in `order` */
     int *present;          /* current chunk's items, by number */
     int count;
-    int current;           /* length of `present` */
+    int current; /* length of `present` */
 } spsi_queue;
 
 static sps_result spsi_queue_reserve(sps_context *context, spsi_buffer_id id, int count, int chunks,
@@ -13158,9 +13158,9 @@ static float spsi_target_depth(const spsi_target *target, int medium, const spsi
 
 typedef struct spsi_patch_plan {
     spsi_sampler_patch patch;
-    float allowed;             /* tolerance up to this chunk */
-    float *spent;              /* tolerance used */
-    float depth, way;          /* per slab: optical depth at value 1; voxels crossed */
+    float allowed;                 /* tolerance up to this chunk */
+    float *spent;                  /* tolerance used */
+    float depth, way;              /* per slab: optical depth at value 1; voxels crossed */
     int steps[SPSI_SAMPLER_SLABS]; /* samples per slab; 0: trace all rays */
 } spsi_patch_plan;
 
@@ -13438,8 +13438,8 @@ static int spsi_target_has_means(const spsi_target *target, int medium) {
     return !spsi_gathers(target->verdicts[medium]) || !target->samplers[medium].lone;
 }
 
-/* Classified values through three slabs. All samples invisible: 0, since samples not taken would make the parabola
-   overshoot. Returns 0 if nothing is visible. */
+/* Parabola of a classified volume through three slabs. It is 0 if all three samples are invisible, since untaken
+   samples would make it overshoot. Returns 0 if nothing is visible. */
 static inline int spsi_values_through(const spsi_material *material, const spsi_v values[3], int means,
                                       spsi_parabola *p) {
     const spsi_v zero = spsi_set(0), most = spsi_max(values[1], spsi_max(values[0], values[2]));
@@ -13578,13 +13578,13 @@ struct sps_tmap {
     sps_tmap_settings settings; /* with defaults filled in */
     sps_tmap_settings inner;    /* without the texel's range */
     sps_view view;
-    double matrix[16];          /* world_to_clip */
-    int has_range;              /* 1: a texel begins with the u of its first and last occluder */
-    int has_vectors;            /* 1: looked up by vectors */
+    double matrix[16]; /* world_to_clip */
+    int has_range;     /* 1: a texel begins with the u of its first and last occluder */
+    int has_vectors;   /* 1: lookups take vectors */
     int face_count, replace_invalid, finished, failed;
     int waits; /* 1: a light's own map, made for the cells; a sweep will take it */
     spsi_rays rays[SPSI_CUBE_FACES];
-    float table_end;  /* shadow table: optical depth at its end */
+    float table_end;  /* shadow table: optical depth where it ends */
     uint64_t key;     /* shadow table: fingerprint of its input; 0: not cached */
     uint64_t aim;     /* fingerprint of rays and planes, and so of entries */
     int updates;      /* 1: updates the last call's table */
@@ -13893,20 +13893,20 @@ typedef struct spsi_occluders {
     spsi_faces faces;
     const spsi_sphere *spheres;                 /* current face */
     const uint32_t *tile_starts, *tile_spheres; /* per tile, and the end; tile_spheres NULL: all */
-    int *boxes;                               /* triangles' bounds, in texels */
-    spsi_map_volumes *volumes;                /* NULL: none */
-    int coarse;                               /* 1: texels may be wider than classified voxels */
+    int *boxes;                                 /* triangles' bounds, in texels */
+    spsi_map_volumes *volumes;                  /* NULL: none */
+    int coarse;                                 /* 1: texels may be wider than classified voxels */
     spsi_call_stage part;
 } spsi_occluders;
 
 typedef struct spsi_band {
     int face, row, tiles_x;
-    size_t first_texel;       /* first in the map */
-    float *ranges, *sums;     /* tile after tile */
-    uint32_t *starts;         /* per texel, and the end: first interval */
-    uint32_t *cursors;        /* per texel: number of intervals, or the next one's place */
+    size_t first_texel;   /* first in the map */
+    float *ranges, *sums; /* tile after tile */
+    uint32_t *starts;     /* per texel, and the end: first interval */
+    uint32_t *cursors;    /* per texel: number of intervals, or the next one's place */
     spsi_interval *intervals;
-    uint32_t most;            /* most intervals of a texel */
+    uint32_t most; /* most intervals of a texel */
 } spsi_band;
 
 typedef struct spsi_filling {
@@ -13915,9 +13915,9 @@ typedef struct spsi_filling {
     const spsi_occluders *occluders;
     spsi_band band;
     spsi_visit visit;
-    int pieces;    /* most pieces of a soft particle */
-    float epsilon; /* compressed map: tolerance without soft pieces */
-    int has_sizes; /* 1: item counts are known; nodes replace intervals where they fit */
+    int pieces;     /* most pieces of a soft particle */
+    float epsilon;  /* compressed map: tolerance without soft pieces */
+    int has_sizes;  /* 1: item counts are known; nodes replace intervals where they fit */
     float *scratch; /* per worker: intervals to sort, curve, nodes */
     size_t scratch_floats;
     double slab_u, u_per_slab; /* u of the plane before slab k: slab_u + k u_per_slab */
@@ -14667,7 +14667,7 @@ static uint64_t spsi_set_fingerprint(uint64_t hash, const spsi_particle_set *set
 
 typedef struct spsi_fingerprint_job {
     const spsi_filling *filling;
-    uint64_t start;                   /* the face's slabs and kernels */
+    uint64_t start; /* the face's slabs and kernels */
     uint64_t media[SPSI_VOLUMES_MAX];
 } spsi_fingerprint_job;
 
@@ -14806,7 +14806,7 @@ static size_t spsi_tmap_known_items(const sps_tmap *map) {
     return spsi_tmap_texel_count(map) * (size_t)map->settings.components;
 }
 
-/* Bytes of a map, or the part known before it is finished. */
+/* Bytes of a map, as far as known. */
 SPSI_COLD size_t spsi_tmap_bytes(const sps_tmap *map) {
     const size_t fixed = sizeof *map + map->planes.size;
     if (map->finished) return fixed + map->data.texels.size + map->data.starts.size + map->data.surfaces.size;

@@ -22482,42 +22482,36 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
 }
 
 /* ============================================================================================== >>lighting
-   32 Filling the cells, and lighting them. Gas goes into sheets across z, two samples along a cell's edge, by the same
-   targets as the eye's: it is deposited where voxels are small against samples, and splatted elsewhere, both of which
-   keep its mass. Classified volumes, with samples up to a voxel apart, are gathered or splatted. Each light, with a
-   table of its own as fine as the samples, sends a sample E exp(-k t) Y(d) / 4 pi for each moment: t is the optical
-   depth on the way of light, k the scale of the cell's extinction, d the direction. Ambient light need not be carried:
-   cells are solved for what they lack of it. With A from everywhere, a cell that keeps w' of what it receives sends A
-   less (1 - w') A, so that a cloud that absorbs nothing vanishes before a white sky, exactly. Cost: 27 additions or a
-   footprint per voxel, or a sample of the field per sample; as much per light; eight lookups per cell and light. Opaque
-   polygons reflect E color / pi, where E is what lights and cells send there: a ray for each link that they close, and
-   one from there to each light. What polygons send to each other is left out, as it is elsewhere. */
+   32 Filling and lighting the cells. The medium goes into sheets across z, two samples per cell edge; deposits and
+   splats both conserve mass. Each light adds E exp(-k t) Y(d) / 4 pi per sample and moment. E is irradiance, t the
+   optical depth to the light, k the cell's extinction scale, d the direction. Cells are solved for the difference from
+   ambient radiance A, with a source of -(1 - w') A. A cloud without absorption thus vanishes exactly before a white
+   sky. Polygons at closed links reflect E color / pi, lit by lights and cells but not by one another. Cost: 27
+   additions, a footprint or a pyramid sample per voxel or sample; as much per light; eight lookups per cell and
+   light. */
 
-/* Opaque polygons as cells see them: on the mean of those that close a cell's links. */
+/* Polygons around each cell: the mean over its closed links. */
 typedef struct spsi_cell_blockers {
-    uint32_t *closed;      /* bits of closed links, as in a level; NULL: there are no polygons */
+    uint32_t *closed;      /* bits of closed links, as in a level; NULL: no polygons */
     unsigned char *walled; /* per row, as in a level */
-    float *color, *lit;    /* per channel: reflectance; radiance by the lights */
+    float *color, *lit;    /* per channel: reflectance; reflected radiance of lights */
     float *place, *normal; /* per axis: relative to the grid's corner */
-    float *sent;           /* per cell: radiance in the channel that is being solved, less ambient light */
-    float *patch;          /* per cell: the most that a lit polygon sends; then minus the fraction that flies */
+    float *sent;           /* per cell: radiance in the current channel, minus ambient light */
+    float *patch;          /* per cell: most radiance of a lit polygon; then minus the fraction that flies */
 } spsi_cell_blockers;
 
-/* Optical depth, scattered share and emission of a material in a vector of the sheets' samples, along a slab. */
 typedef struct spsi_cell_sample {
     spsi_v depth, scattered[3], emitted[3];
 } spsi_cell_sample;
 
-/* A vector of the sheets' samples: slab k of the chunk, row y, columns x to at most `end`. */
+/* Samples x..`end` of row y, slab k of the chunk. */
 typedef struct spsi_sample_place {
     int k, y, x, end;
 } spsi_sample_place;
 
-/* Receives what a material has at a place. */
 typedef void (*spsi_sample_fn)(const void *data, const spsi_sample_place *place, int material,
                                const spsi_cell_sample *sample);
 
-/* Gas in sheets of samples, chunk by chunk. */
 typedef struct spsi_sampling {
     spsi_rays rays; /* through the samples */
     spsi_slabs slabs;
@@ -22528,50 +22522,48 @@ typedef struct spsi_sampling {
     const void *data;
 } spsi_sampling;
 
-/* A grid that is being filled and lit. */
 typedef struct spsi_cell_job {
     sps_context *context;
     const spsi_frame *frame;
     const spsi_faces *faces;
     spsi_cell_grid *grid;
-    spsi_bounds bounds;   /* of the gas in it */
-    int later;            /* 1: lights' depth maps and pane maps, aimed at all gas, are those of an earlier grid */
-    int fine;             /* sheets' samples along a cell's half edge */
-    spsi_sampling sheets; /* across z */
-    float *samples;       /* per sample, two along each edge: optical depth along half an edge */
-    float *scattered;     /* per material and channel: what is scattered of a unit of light along an edge */
-    float *emitted;       /* per channel: radiance added along an edge */
-    float *lit;           /* per light of the grid and channel: its part of degree 0 of `incoming` */
+    spsi_bounds bounds;   /* medium in the grid */
+    int later;            /* 1: reuse an earlier grid's depth and translucency maps */
+    int fine;             /* sheet samples per half cell edge */
+    spsi_sampling sheets; /* stacked along z */
+    float *samples;       /* two per cell edge: optical depth along half an edge */
+    float *scattered;     /* per material and channel: scattering optical depth along an edge */
+    float *emitted;       /* per channel: radiance emitted along an edge */
+    float *lit;           /* per grid light and channel: degree 0 of `incoming` */
     float *incoming;      /* per channel and term: moments of the lights' radiance */
-    spsi_flights *flights; /* all trees */
+    spsi_flights *flights;
     int grid_count;
     spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
     spsi_cell_blockers blockers;
     const float
-        *blocker_light; /* per term: moments of what polygons send, in the channel that is being solved; NULL: 0 */
+        *blocker_light; /* per term: polygons' moments in the channel; NULL: 0 */
     spsi_shadow *shadows;
     spsi_shader shader;
     spsi_sweep sweep;
     spsi_cell_solver *solver;
-    int channel;  /* that is being solved */
+    int channel;  /* being solved */
     int level;    /* whose links are being closed */
-    spsi_cell_grid coarse;        /* the grid with fewer patches, which light polygons that reflect */
-    const spsi_cell_grid *leaves; /* whose patches are being filled */
-    uint64_t gas; /* fingerprint of the gas */
+    spsi_cell_grid coarse;        /* half the patches across, to light polygons while solving */
+    const spsi_cell_grid *leaves; /* grid whose patches are being filled */
+    uint64_t gas; /* fingerprint of the medium */
 } spsi_cell_job;
 
-/* --- where cells are --- */
+/* --- placing grids --- */
 
-#define SPSI_GROUPS_MOST  64  /* while they are found */
-#define SPSI_GROUPS_APART 2.0 /* from which distance on groups have grids of their own, per longest side */
+#define SPSI_GROUPS_MOST  64  /* while grouping */
+#define SPSI_GROUPS_APART 2.0 /* least gap between grids, per longest side */
 
-/* Groups of gas that are far apart. */
 typedef struct spsi_groups {
     spsi_bounds list[SPSI_GROUPS_MOST];
     int count;
 } spsi_groups;
 
-/* How far two groups are apart, per longest side of the larger one. */
+/* Gap per longest side of the larger group. */
 SPSI_COLD double spsi_groups_apart(const spsi_bounds *a, const spsi_bounds *b) {
     double square = 0;
     for (int k = 0; k < 3; ++k) {
@@ -22581,7 +22573,7 @@ SPSI_COLD double spsi_groups_apart(const spsi_bounds *a, const spsi_bounds *b) {
     return sqrt(square) / spsi_dmax(spsi_dmax(spsi_bounds_longest(a), spsi_bounds_longest(b)), DBL_MIN);
 }
 
-/* Joins the two groups that are least far apart. Returns 0 if all are farther apart than `far_apart`. */
+/* Joins the closest groups, if closer than `far_apart`. */
 SPSI_COLD int spsi_groups_join(spsi_groups *groups, double far_apart) {
     int pair[2] = {-1, -1};
     for (int i = 0; i < groups->count; ++i)
@@ -22598,7 +22590,7 @@ SPSI_COLD int spsi_groups_join(spsi_groups *groups, double far_apart) {
     return 1;
 }
 
-/* Adds a box: to the last group that took one, if that holds it, or to one near by. */
+/* Adds a box to a group near it, or to a new one. */
 SPSI_COLD void spsi_groups_add(spsi_groups *groups, const spsi_bounds *box, int *last) {
     if (*last >= 0 && spsi_bounds_hold(&groups->list[*last], box->low) &&
         spsi_bounds_hold(&groups->list[*last], box->high))
@@ -22613,9 +22605,8 @@ SPSI_COLD void spsi_groups_add(spsi_groups *groups, const spsi_bounds *box, int 
     groups->list[*last] = *box;
 }
 
-/* Groups all gas. Light from one group to another, which is left out, is at most 1 / 36 of what leaves it by one side:
-   seen from 2.5 sides away, a side covers 1 / 6 of a circle of the sky in width and height, and shines as its cosine.
- */
+/* Groups bricks and particles. Light between groups, at most 1/36 of the light leaving one side, is ignored. From 2.5
+   sides away, a side covers 1/6 of a circle of sky in width and height, and shines by its cosine. */
 SPSI_COLD void spsi_groups_build(const sps_context *context, const spsi_frame *frame, spsi_groups *groups) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     int last = -1;
@@ -22633,7 +22624,6 @@ SPSI_COLD void spsi_groups_build(const sps_context *context, const spsi_frame *f
     while (spsi_groups_join(groups, groups->count > SPSI_CELL_GRIDS ? HUGE_VAL : SPSI_GROUPS_APART)) continue;
 }
 
-/* Places a grid about gas. Returns 0 if there is none. */
 SPSI_COLD int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bounds, spsi_cell_grid *grid) {
     const double longest = spsi_bounds_longest(bounds);
     memset(grid, 0, sizeof *grid);
@@ -22648,7 +22638,6 @@ SPSI_COLD int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bound
     return 1;
 }
 
-/* Sets what follows from the size. */
 SPSI_COLD void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
     grid->pitch = spsi_cell_pitch(grid->size[0]);
     grid->count = spsi_cell_stride((size_t)grid->pitch * (size_t)spsi_imax(2, grid->size[1] * grid->size[2]));
@@ -22665,11 +22654,11 @@ SPSI_COLD void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid)
         grid->peak[m] = (float)peak;
         for (int l = 0; l < grid->orders; ++l) grid->lobes[m][l] = (float)(spsi_phase_moment(material, l) - peak);
     }
-    if (grid->flux_terms > 0 && grid->peak_count > 0) /* at most; spsi_cells_choose_lights takes those with weight */
+    if (grid->flux_terms > 0 && grid->peak_count > 0) /* at most; spsi_cells_choose_lights keeps lights with weight */
         grid->light_count = spsi_imin(SPSI_CELL_SETS / grid->peak_count, frame->lights.whole_count);
 }
 
-/* Starts a ray of a cone, from its axis by an angle of that versine (1 - cosine), turned about it. */
+/* `versine`: 1 - cosine of the angle to the axis. */
 static void spsi_cone_ray(const spsi_light *light, double versine, double turn, spsi_ray *ray) {
     const double sine = sqrt(versine * (2 - versine));
     ray->low = 0;
@@ -22680,9 +22669,8 @@ static void spsi_cone_ray(const spsi_light *light, double versine, double turn, 
                             sine * (cos(turn) * light->across[0][k] + sin(turn) * light->across[1][k]);
 }
 
-/* The fraction of a light that narrow beams send to gas, or to polygons: all of it where they are narrower than an
-   eighth of the grid at its far end, or at the polygon that their axis meets. Translucent polygons would have to be
-   followed. */
+/* Fraction of a light sent as narrow beams, to the medium or to polygons. Beams may be 1/8 of the grid wide, at its far
+   end or the polygon on the axis. With translucent polygons there are none: beams would have to pass them. */
 static double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *light, int to_polygons) {
     const spsi_cell_grid *grid = job->grid;
     const double versine = light->cone.none, longest = grid->edge * job->frame->view.scattering_resolution;
@@ -22697,16 +22685,15 @@ static double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *light
     return spsi_dmax(0, spsi_dmin(2 - 16 * sqrt(versine * (2 - versine)) / (1 - versine) * ray.high / longest, 1));
 }
 
-/* Floats per cell while it is filled and lit. */
 SPSI_COLD size_t spsi_cell_job_floats(const spsi_frame *frame, const spsi_cell_grid *grid) {
     const int each = frame->matter.material_count + 1 + grid->light_count + grid->terms;
     return (size_t)(8 + each * grid->channels);
 }
 
-/* --- gas --- */
+/* --- filling --- */
 
-/* Sheets' samples along one of that length: one, or more if a classified volume's voxels are smaller than that, since
-   its transfer function is not linear. Up to a voxel apart, footprints are wider than the pixel filter. */
+/* Sheet samples per length: more than one if a classified volume's voxels are smaller, since transfer functions are
+   nonlinear. Up to a voxel apart, footprints are wider than the pixel filter. */
 SPSI_COLD int spsi_samples_fineness(const spsi_frame *frame, double sample) {
     double voxel = HUGE_VAL;
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -22716,7 +22703,7 @@ SPSI_COLD int spsi_samples_fineness(const spsi_frame *frame, double sample) {
     return voxel < HUGE_VAL ? (int)spsi_dmin(4, spsi_dmax(1, ceil(sample / voxel))) : 1;
 }
 
-/* Rays along z, through the samples, or, finer, through those of the sheets. */
+/* Rays along z, `fine` per half cell edge. */
 SPSI_COLD int spsi_cells_aim(const spsi_cell_grid *grid, int fine, spsi_rays *rays, spsi_slabs *slabs) {
     const double pitch = 0.5 * grid->edge / fine;
     memset(rays, 0, sizeof *rays);
@@ -22733,7 +22720,7 @@ SPSI_COLD int spsi_cells_aim(const spsi_cell_grid *grid, int fine, spsi_rays *ra
     return spsi_rays_complete(rays);
 }
 
-/* Begins to sample, with a channel per material. Rays and slabs are set. */
+/* Channels are materials. Rays and slabs must be set. */
 SPSI_COLD sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *frame, spsi_sampling *sheets) {
     spsi_target *target = &sheets->target;
     spsi_target_place(frame, &sheets->rays, &sheets->slabs, SPSI_TARGET_SAMPLES, 0, target);
@@ -22745,7 +22732,6 @@ SPSI_COLD sps_result spsi_sampling_begin(sps_context *context, const spsi_frame 
     return spsi_contents_add_particles(&sheets->contents);
 }
 
-/* What a material has in a vector of the sheets' samples. */
 static void spsi_cell_sample_at(const spsi_material *material, spsi_v sum, const spsi_row_slabs *slabs,
                                 spsi_cell_sample *sample) {
     const spsi_v length = spsi_mul(slabs->per_slab, slabs->length), most = spsi_set(SPSI_DEPTH_MAX);
@@ -22765,7 +22751,7 @@ static void spsi_cell_sample_at(const spsi_material *material, spsi_v sum, const
     }
 }
 
-/* Fills the sheets of the tile of that number. Returns the number of its slabs; 0: it holds nothing. */
+/* Returns the tile's number of slabs; 0: it is empty. */
 static int spsi_sampling_tile(const spsi_sampling *sheets, int index, int worker, spsi_tile *tile) {
     const int column = index % sheets->target.columns, row = index / sheets->target.columns;
     spsi_tile_place(&sheets->target, column, row, worker, tile);
@@ -22773,7 +22759,6 @@ static int spsi_sampling_tile(const spsi_sampling *sheets, int index, int worker
     return spsi_imin(SPSI_CHUNK, sheets->slabs.count - sheets->contents.first_slab);
 }
 
-/* Passes on what materials have at a place of a tile. */
 static void spsi_sampling_visit(const spsi_sampling *sheets, const spsi_tile *tile, const spsi_sample_place *place) {
     const spsi_row_slabs slabs = spsi_row_slabs_at(&sheets->shader, place->x, place->y);
     const size_t row = (size_t)((place->y - tile->y0) * tile->pitch);
@@ -22787,7 +22772,6 @@ static void spsi_sampling_visit(const spsi_sampling *sheets, const spsi_tile *ti
     }
 }
 
-/* Fills the sheets of the tile of that number, and passes on what materials have in them. */
 static void spsi_sampling_task(void *data, int index, int worker) {
     const spsi_sampling *sheets = (const spsi_sampling *)data;
     spsi_sample_place place;
@@ -22800,7 +22784,6 @@ static void spsi_sampling_task(void *data, int index, int worker) {
                 spsi_sampling_visit(sheets, &tile, &place);
 }
 
-/* Passes on what materials have in the sheets of a chunk. */
 static void spsi_sampling_chunk(spsi_sampling *sheets, int chunk, spsi_sample_fn sample_fn, const void *data) {
     sheets->sample_fn = sample_fn;
     sheets->data = data;
@@ -22811,15 +22794,14 @@ static void spsi_sampling_chunk(spsi_sampling *sheets, int chunk, spsi_sample_fn
                       sheets);
 }
 
-/* Adds a vector of the sheets' samples to an array, divided by the samples that each entry covers along a row. */
+/* Adds samples to a row whose entries cover `per_entry` samples each. */
 static void spsi_cells_deposit(float *row, int x, int end, int per_entry, float share, spsi_v amount) {
     float lanes[SPSI_LANES];
     spsi_store(lanes, amount);
     for (int i = 0; i < SPSI_LANES && x + i <= end; ++i) row[(x + i) / per_entry] += share * lanes[i];
 }
 
-/* Adds what material m has at a place to samples and cells. An entry's optical depth is that of the ways through it,
-   side by side: `fine` slabs one after the other make a sample, two samples a cell. */
+/* Depth adds up along z, `fine` slabs to a sample and two samples to a cell, and is averaged across. */
 static void spsi_cells_add_sample(const void *data, const spsi_sample_place *place, int m,
                                   const spsi_cell_sample *sample) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
@@ -22841,7 +22823,6 @@ static void spsi_cells_add_sample(const void *data, const spsi_sample_place *pla
     }
 }
 
-/* Fills samples and cells. */
 SPSI_COLD sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_call_stage *part) {
     sps_context *context = job->context;
     spsi_sampling *sheets = &job->sheets;
@@ -22858,7 +22839,7 @@ SPSI_COLD sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_call_stage *
     return SPS_OK;
 }
 
-/* What peaks pass straight on of what a cell scatters in a channel, as optical depth along an edge. */
+/* Scattering passed straight on by forward peaks (delta-M): optical depth per edge. */
 static float spsi_cell_straight(const spsi_cell_job *job, int channel, size_t at) {
     const spsi_cell_grid *grid = job->grid;
     float straight = 0;
@@ -22867,7 +22848,6 @@ static float spsi_cell_straight(const spsi_cell_job *job, int channel, size_t at
     return straight;
 }
 
-/* Sets the mean scale of extinction. */
 SPSI_COLD void spsi_cells_mean_scale(const spsi_cell_job *job) {
     const spsi_cell_grid *grid = job->grid;
     for (int c = 0; c < grid->channels; ++c) {
@@ -22882,17 +22862,16 @@ SPSI_COLD void spsi_cells_mean_scale(const spsi_cell_job *job) {
 
 /* --- light --- */
 
-#define SPSI_CELL_TEXELS_MOST 256 /* more only where that is less than two for a cell's edge */
+#define SPSI_CELL_TEXELS_MOST 256 /* exceeded only to keep two per cell edge */
 
-/* Texels on the longer side of a table for cells: four for a cell's edge. Optical depth is convex where gas begins, and
-   linear between entries: in a dense cloud, two leave out 1 % of what scatters again, four a quarter of that, in the
-   same time. */
+/* Texels on the longer side of a light's table: four per cell edge. Depth is convex where the medium begins, but linear
+   between texels. In a dense cloud, two lose 1 % of multiple scattering, four a quarter of that, in the same time. */
 SPSI_COLD int spsi_cell_texels(const spsi_frame *frame) {
     const int cells = frame->view.scattering_resolution;
     return spsi_imax(16, spsi_imin(4 * cells, spsi_imax(SPSI_CELL_TEXELS_MOST, 2 * cells)));
 }
 
-/* Turns a light into one that has a table, with `texels` on its longer side. `served`: the gas in it; NULL: all. */
+/* `served`: bounds of the light's medium; NULL: all. */
 SPSI_COLD void spsi_cells_map_light(int texels, const spsi_bounds *served, spsi_light *light) {
     light->map_bounds = served;
     memset(&light->map, 0, sizeof light->map);
@@ -22902,7 +22881,6 @@ SPSI_COLD void spsi_cells_map_light(int texels, const spsi_bounds *served, spsi_
     light->sliced = 0;
 }
 
-/* Makes that table, for a light that has none of its own. */
 SPSI_COLD sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_light *light, const spsi_call_stage *part,
                                     sps_tmap *map) {
     spsi_light coarse = *light;
@@ -22916,7 +22894,7 @@ SPSI_COLD sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_light *
     return spsi_tmap_fill(map, &occluders);
 }
 
-/* Makes a light's table, unless it has its own from an earlier grid, which waits for the sweeps. */
+/* A light's own table may already wait for the sweeps. */
 SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_light *light, const spsi_call_stage *part,
                                       spsi_shadow *shadow, sps_tmap *map) {
     shadow->light = light;
@@ -22929,8 +22907,7 @@ SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_light
     return job->context->result;
 }
 
-/* Makes the maps of the lights that cast shadows. Tables are a grid's own, unless they are the light's; depth maps and
-   pane maps serve all grids. */
+/* Depth and translucency maps serve all grids, and so does a light's own table. */
 SPSI_COLD sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_call_stage *part, sps_tmap *maps) {
     const spsi_frame *frame = job->frame;
     const int shadows = frame->lights.shadow_count;
@@ -22950,7 +22927,6 @@ SPSI_COLD sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_call_stag
     return SPS_OK;
 }
 
-/* A shader whose eye looks through samples. */
 SPSI_COLD void spsi_cells_shader(const spsi_frame *frame, const spsi_faces *faces, const spsi_rays *eye,
                                  const spsi_slabs *slabs, const spsi_sweep *sweep, spsi_shader *shader) {
     shader->frame = frame;
@@ -22960,17 +22936,16 @@ SPSI_COLD void spsi_cells_shader(const spsi_frame *frame, const spsi_faces *face
     spsi_shader_linears(slabs, shader);
 }
 
-/* A vector of samples of one row. */
+/* A vector of samples in a row. */
 typedef struct spsi_cell_spot {
     spsi_pixels pixels;
     spsi_slab slab;
     spsi_subslab part;
-    spsi_v depth;    /* of the samples */
-    spsi_v scale[3]; /* of their cells' extinction, by channel */
-    size_t row;      /* of cells */
+    spsi_v depth;    /* per sample */
+    spsi_v scale[3]; /* extinction scale of their cells, by channel */
+    size_t row;      /* its first cell */
 } spsi_cell_spot;
 
-/* Samples of the k-th of sheets of that thickness. */
 static void spsi_cell_spot_build(const spsi_shader *shader, double thickness, int x, int y, int k,
                                  spsi_cell_spot *spot) {
     const float middle = (float)((k + 0.5) * thickness), half = (float)(0.5 * thickness);
@@ -22986,16 +22961,14 @@ static void spsi_cell_spot_build(const spsi_shader *shader, double thickness, in
     spot->slab.leave = spsi_set(middle + half);
 }
 
-/* The share of a light that gas leaves at a vector of samples in one channel, what peaks pass on included: extinction
-   is scaled. `found`: the optical depth at their middle. */
+/* Mean transmittance with scaled extinction: peaks count as transmitted. `found`: optical depth in the middle. */
 static spsi_v spsi_cell_spot_straight(const spsi_cell_spot *spot, spsi_v found, int channel) {
     const spsi_v half = spsi_mul(spot->depth, spsi_set(0.5f)), before = spsi_max(spsi_sub(found, half), spsi_set(0));
     const spsi_v from = spsi_mul(spot->scale[channel], before);
     return spsi_mean_transmittance(from, spsi_fma(spot->scale[channel], spot->depth, from));
 }
 
-/* What a light's own shadows leave of it at a vector of samples, by channel. Where its table ends, nothing is known of
-   how deep a sample lies, only that it is dark. */
+/* Per channel. Beyond the table's end, depth is unknown and counts as opaque. */
 static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *shadow, const spsi_cell_spot *spot,
                                   spsi_v passes[3]) {
     const spsi_v found = spsi_pixels_shadow(shadow, &spot->pixels, 0, spot->part.middle);
@@ -23010,7 +22983,6 @@ static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *s
     }
 }
 
-/* Adds moments of light to the cells of a vector of samples, in one channel. */
 static void spsi_cells_add_moments(const spsi_cell_job *job, const spsi_cell_spot *spot, int channel, spsi_v amount,
                                    const spsi_v harmonic[SPSI_CELL_TERMS]) {
     const spsi_cell_grid *grid = job->grid;
@@ -23020,8 +22992,8 @@ static void spsi_cells_add_moments(const spsi_cell_job *job, const spsi_cell_spo
                            spsi_mul(amount, harmonic[t]));
 }
 
-/* The mean of 1 / r^2 over the cubes of samples, over that along a ray through them. By the latter, cells about a lamp
-   receive 5 % less than it sends. */
+/* Mean of 1 / r^2 over the samples' cubes, by its mean along rays. With the latter, cells around a light receive 5 %
+   too little. */
 static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_light *light, const spsi_cell_spot *spot) {
     const float edge = (float)job->sheets.slabs.thickness;
     const spsi_v scale = spsi_set(1 / (edge * edge));
@@ -23031,7 +23003,7 @@ static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_light *li
     return spsi_div(scale, spsi_mul(square, spsi_light_falloff(&spot->pixels, &reach)));
 }
 
-/* Adds what one light sends to a vector of samples, weighted by their optical depth. */
+/* Moments are weighted by optical depth. */
 static void spsi_cells_add_light(const spsi_cell_job *job, const spsi_shadow *shadow, const spsi_cell_spot *spot) {
     const spsi_light *light = shadow->light;
     const int number = spsi_cells_light_of(job->grid, light->index);
@@ -23056,7 +23028,7 @@ static void spsi_cells_add_light(const spsi_cell_job *job, const spsi_shadow *sh
     }
 }
 
-/* The scales of extinction in a row of cells, for each sample. */
+/* Extinction scale per sample. */
 static spsi_v spsi_cells_scale(const spsi_cell_job *job, size_t row, int channel, int x) {
     const spsi_cell_grid *grid = job->grid;
     float scale[SPSI_LANES];
@@ -23067,19 +23039,17 @@ static spsi_v spsi_cells_scale(const spsi_cell_job *job, size_t row, int channel
     return spsi_load(scale);
 }
 
-/* --- polygons about the cells --- */
+/* --- polygons around cells --- */
 
-/* A cell of a level, and the polygons that its links end on. */
 typedef struct spsi_cell_view {
     const spsi_faces *faces;
     const spsi_cell_grid *grid;
-    const int *size; /* of the level */
-    int scale;       /* edge of its cells, in those of the grid */
+    const int *size; /* cells per axis */
+    int scale;       /* cell edge, in grid cells */
     int at[3];
     double centre[3];
 } spsi_cell_view;
 
-/* Turns to a cell. */
 static void spsi_cell_view_move(spsi_cell_view *view, int x, int y, int z) {
     view->at[0] = x;
     view->at[1] = y;
@@ -23087,7 +23057,7 @@ static void spsi_cell_view_move(spsi_cell_view *view, int x, int y, int z) {
     spsi_cell_centre(view->grid, view->scale, x, y, z, view->centre);
 }
 
-/* Whether a link within the grid is closed. */
+/* True if a link within the grid hits a polygon. */
 static int spsi_cell_view_link(const spsi_cell_view *view, int link, spsi_ray *ray, spsi_hit *hit) {
     const int step[3] = {link % 3 - 1, link / 3 % 3 - 1, link / 9 - 1};
     memcpy(ray->origin, view->centre, sizeof ray->origin);
@@ -23101,8 +23071,8 @@ static int spsi_cell_view_link(const spsi_cell_view *view, int link, spsi_ray *r
     return link != 13 && spsi_ray_to_opaque(view->faces, ray, hit);
 }
 
-/* Whether light in a direction that enters the grid in this cell comes from a polygon, at any distance. Each cell takes
-   another ray among those for which the direction stands, so that a floor is half of what cells see along it. */
+/* True if light entering the grid here comes from a polygon. Each cell jitters its ray within the direction's solid
+   angle, so a floor covers half of a horizontal view. */
 static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_direction *direction, int number,
                                   spsi_ray *ray, spsi_hit *hit) {
     const double count = number + 1 + 50.0 * view->at[0] + 50.0 * 509 * view->at[1] + 50.0 * 509 * 521 * view->at[2];
@@ -23124,18 +23094,18 @@ static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_di
     return spsi_ray_to_opaque(view->faces, ray, hit);
 }
 
-/* Whether any link within the grid may be closed, of that many cells of a row from this one on. */
+/* True if the next `count` cells of the row may have closed links. */
 static int spsi_cell_view_near(const spsi_cell_view *first, int count) {
     const double edge = first->scale * first->grid->edge, half[3] = {0.5 * edge * (count + 1), edge, edge};
     const double centre[3] = {first->centre[0] + 0.5 * edge * (count - 1), first->centre[1], first->centre[2]};
     return spsi_faces_near(first->faces, centre, half);
 }
 
-#define SPSI_CELL_HITS (26 + SPSI_CELL_DIRECTIONS) /* most of a cell: by links, and from outside */
+#define SPSI_CELL_HITS (26 + SPSI_CELL_DIRECTIONS) /* per cell: links, and directions from outside */
 
-/* The polygons on which a cell's links end: the nearer they are, the more they count. */
+/* Polygons that a cell's links hit, weighted by nearness. */
 typedef struct spsi_cell_hits {
-    int count, within; /* within: of those by links between cells */
+    int count, within; /* within: 1: links between cells are closed */
     spsi_surface surface[SPSI_CELL_HITS];
     int face[SPSI_CELL_HITS];
     double color[SPSI_CELL_HITS][3], lit[SPSI_CELL_HITS][3], weight[SPSI_CELL_HITS];
@@ -23156,7 +23126,6 @@ static void spsi_cell_hits_add(const spsi_cell_view *view, const spsi_ray *ray, 
     hits->weight[hits->count++] = 1 / (1 + ray->high * ray->high);
 }
 
-/* The points of a vector of hits, from number `first` on. */
 static void spsi_cell_hits_points(const spsi_cell_hits *hits, int first, int end, spsi_points *points) {
     points->lanes = 0;
     for (int n = 0; n < SPSI_LANES; ++n) {
@@ -23166,7 +23135,7 @@ static void spsi_cell_hits_points(const spsi_cell_hits *hits, int first, int end
     }
 }
 
-/* Lights up to SPSI_PACKET of them, from number `first` on, by a fraction of one lamp. */
+/* Lights up to SPSI_PACKET hits by a fraction of one light. */
 static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_light *light, double fraction,
                                  const spsi_shadow *shadow, int first, spsi_cell_hits *hits) {
     const spsi_light *point = &light->points[first / SPSI_PACKET % light->point_count];
@@ -23201,7 +23170,6 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_light *lig
     }
 }
 
-/* Lights all of them by all lamps, but for what goes as narrow beams. */
 static void spsi_cell_hits_light_all(const spsi_cell_job *job, spsi_cell_hits *hits) {
     memset(hits->lit, 0, sizeof hits->lit);
     for (int i = 0, shadow = 0; i < job->frame->lights.count; ++i) {
@@ -23213,7 +23181,7 @@ static void spsi_cell_hits_light_all(const spsi_cell_job *job, spsi_cell_hits *h
     }
 }
 
-/* The mean of a cell's polygons. Returns 0 if they face all ways. */
+/* Returns 0 if the normals cancel. */
 static int spsi_cell_blockers_mean(const spsi_cell_job *job, size_t at, double point[3], double normal[3]) {
     const size_t count = job->grid->count;
     for (size_t k = 0; k < 3; ++k) {
@@ -23223,7 +23191,7 @@ static int spsi_cell_blockers_mean(const spsi_cell_job *job, size_t at, double p
     return spsi_normalise(normal);
 }
 
-/* Adds what a cell's polygons reflect of first flights, on the mean of them. */
+/* Adds reflected first flights at the polygons' mean place. */
 static void spsi_cell_blockers_fly(const spsi_cell_job *job, size_t at) {
     const spsi_cell_blockers *blockers = &job->blockers;
     const spsi_cell_grid *grid = job->grid;
@@ -23237,7 +23205,6 @@ static void spsi_cell_blockers_fly(const spsi_cell_job *job, size_t at) {
             (float)((double)blockers->color[c * grid->count + at] * irradiance[c] / SPSI_PI);
 }
 
-/* Sets what a cell knows of its polygons. */
 static void spsi_cell_blockers_set(const spsi_cell_job *job, const spsi_cell_hits *hits, size_t at) {
     const spsi_cell_blockers *blockers = &job->blockers;
     const size_t count = job->grid->count;
@@ -23260,7 +23227,7 @@ static void spsi_cell_blockers_set(const spsi_cell_job *job, const spsi_cell_hit
     }
 }
 
-/* Bits of the closed links between a cell and its neighbours; `hits`: where they end, or NULL. */
+/* Closed links of a cell. `hits`: their ends, or NULL. */
 static uint32_t spsi_cell_view_closed(const spsi_cell_view *view, spsi_cell_hits *hits) {
     uint32_t closed = 0;
     for (int link = 0; link < 27; ++link) {
@@ -23273,10 +23240,9 @@ static uint32_t spsi_cell_view_closed(const spsi_cell_view *view, spsi_cell_hits
     return closed;
 }
 
-/* Finds the polygons about a cell. */
 static void spsi_cell_blockers_find(const spsi_cell_job *job, const spsi_cell_view *view, int near_by, size_t at,
                                     spsi_cell_hits *hits) {
-    int last = 0; /* 1: at the end of the grid */
+    int last = 0; /* 1: at the grid's border */
     for (int k = 0; k < 3; ++k) last |= view->at[k] == 0 || view->at[k] == view->size[k] - 1;
     hits->count = 0;
     if (near_by) job->blockers.closed[at] = spsi_cell_view_closed(view, hits);
@@ -23295,7 +23261,6 @@ static void spsi_cell_blockers_find(const spsi_cell_job *job, const spsi_cell_vi
     }
 }
 
-/* Finds and lights the polygons about a row of cells. */
 static void spsi_cells_blockers_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
@@ -23315,10 +23280,9 @@ static void spsi_cells_blockers_task(void *data, int row) {
     }
 }
 
-/* Floats that hold a byte for each row of cells. */
+/* Floats for a byte per row of cells. */
 SPSI_COLD size_t spsi_cell_rows_floats(const int size[3]) { return (size_t)(size[1] * size[2] / 4 + 1); }
 
-/* Floats of all walls. */
 SPSI_COLD size_t spsi_cell_blockers_floats(const spsi_cell_grid *grid) {
     return (size_t)(10 + 2 * grid->channels) * grid->count + spsi_cell_rows_floats(grid->size);
 }
@@ -23343,8 +23307,7 @@ SPSI_COLD sps_result spsi_cell_blockers_begin(spsi_cell_job *job) {
     return SPS_OK;
 }
 
-/* Sets the radiance that polygons send to cells in one channel, less ambient light: what is in the cells so far lights
-   them, too. Returns how much it has changed, as a share of all that they send. */
+/* Sets the polygons' radiance, minus ambient, with light from the cells so far. Returns the relative change. */
 static double spsi_cell_blockers_send(const spsi_cell_job *job, int c) {
     const spsi_cell_blockers *blockers = &job->blockers;
     const spsi_cell_grid *grid = job->grid;
@@ -23371,9 +23334,9 @@ static double spsi_cell_blockers_send(const spsi_cell_job *job, int c) {
 
 /* --- first flights --- */
 
-#define SPSI_BEAM_RINGS 12 /* of as many rays each, in the cone of a narrow beam */
+#define SPSI_BEAM_RINGS 12 /* per narrow beam, with as many rays each */
 
-/* Light of a beam's ray at a distance, by channel: irradiance there, before any shadow, times its width. */
+/* Unshadowed irradiance times the ray's cross section. */
 static void spsi_beam_light(const spsi_cell_job *job, const spsi_light *light, const spsi_ray *ray, double solid,
                             double distance, float sent[3]) {
     double irradiance[3];
@@ -23388,7 +23351,7 @@ static void spsi_beam_light(const spsi_cell_job *job, const spsi_light *light, c
                                    (double)SPSI_RADIANCE_MAX);
 }
 
-/* Adds what gas scatters of a beam, an emitter for each cell's edge on its way. */
+/* Adds an emitter for light scattered per cell edge. */
 static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_light *light, const spsi_ray *ray, double solid,
                                   spsi_tree_item *items) {
     const spsi_cell_grid *grid = job->grid;
@@ -23430,7 +23393,7 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_light *li
     }
 }
 
-/* Adds what some hits reflect of lamps as one emitter. Their weights are the areas for which they stand. */
+/* Adds one emitter for all hits. Their weights are areas. */
 static void spsi_hits_reflect(const spsi_cell_job *job, const spsi_cell_hits *hits, int first, int end,
                               spsi_tree_item *items) {
     spsi_flights *flights = &job->flights[SPSI_FLIGHTS_SPOTS];
@@ -23458,7 +23421,7 @@ static void spsi_hits_reflect(const spsi_cell_job *job, const spsi_cell_hits *hi
     spsi_emitters_add(flights, point, 0.25 / SPSI_PI, -1, &sum, items);
 }
 
-/* Adds a narrow beam's emitters, in gas and on polygons: its rays stand for equal solid angles. */
+/* A beam's rays cover equal solid angles. */
 static void spsi_beams_list(const spsi_cell_job *job, const spsi_light *light, const spsi_shadow *shadow,
                             spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_cell_view view = {job->faces, job->grid, job->grid->size, 1, {0, 0, 0}, {0, 0, 0}};
@@ -23486,9 +23449,8 @@ static void spsi_beams_list(const spsi_cell_job *job, const spsi_light *light, c
     }
 }
 
-/* Adds lit patches to emitters, as far as there is room for them, and takes them from what is swept. Rays side by side
-   sample the polygons at the end of a cell's link along an axis. For a slanted wall, that link stands for the cosine of
-   its face's area: links along three axes stand for all of it. */
+/* Turns lit patches into emitters, while there is room, and removes them from the sweep. Parallel rays sample polygons
+   at a link along an axis. A slanted wall counts by its normal's component: three axes sum to its area. */
 static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t most, spsi_tree_item *items) {
     const spsi_cell_grid *grid = job->grid;
     const int *size = grid->size, rays = (int)spsi_dmax(4, spsi_dmin(4 / covered, 64));
@@ -23521,17 +23483,16 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
     }
 }
 
-/* Sets the fraction of each cell's lit polygons that flies: from small patches, directions make a star of rays. A patch
-   is the cells with lit polygons that open links join, and dark ones at its rim, whose polygons may be lit in part. A
-   hundredth of the next cell's light counts as dark: otherwise a trace of light between two patches would join them.
-   Spread evenly over the grid's largest side, its light has some mean. Cells of up to three times that are swept, those
-   of six times fly. If they cover more than a sixth of the side, less of each flies, and nothing from a third on.
-   Returns what part of it they cover; 0: nothing flies. */
+/* Sets the fraction of each cell's lit polygons that flies: swept, small patches cause ray effects. A patch is lit
+   cells joined by open links, and its dark rim, whose polygons may be partly lit. Less than 1/100 of the next cell's
+   light counts as dark, otherwise traces would join patches. Cells are compared with the patch's light spread over the
+   grid's largest side: up to 3 times, they are swept, from 6 on they fly. This fades if patches cover 1/6 of that side,
+   and ends at 1/3. Returns the covered fraction; 0: nothing flies. */
 static double spsi_patches_find(const spsi_cell_job *job) {
     const int *size = job->grid->size, pitch = job->grid->pitch;
     const double side = (double)size[0] * size[1] * size[2] / spsi_imin(size[0], spsi_imin(size[1], size[2]));
     float *patch = job->blockers.patch;
-    int *queue = (int *)(void *)job->blockers.sent; /* is set later; -1 - a cell: it is at a patch's rim, and dark */
+    int *queue = (int *)(void *)job->blockers.sent; /* set later; -1 - a cell: dark, at a rim */
     double covered = 0;
     size_t count = 0, end = 0;
     const size_t cells = (size_t)(pitch * size[1] * size[2]);
@@ -23539,7 +23500,7 @@ static double spsi_patches_find(const spsi_cell_job *job) {
     for (size_t at = 0; at < cells; ++at) most = spsi_fmax(most, patch[at]);
     for (size_t n = 5 * cells, start = 0; n > 0; --n, start = start > 0 ? start - 1 : cells - 1) {
         double sum = 0;
-        if (start == 0) most *= 0.01f; /* the brightest begin: others may light their rims a little */
+        if (start == 0) most *= 0.01f; /* brightest first: rims may be slightly lit */
         if (patch[start] > most) patch[queue[end++] = (int)start] *= -1;
         for (size_t i = count; i < end; ++i) {
             const int own = queue[i];
@@ -23562,7 +23523,7 @@ static double spsi_patches_find(const spsi_cell_job *job) {
     return covered > 1e-6 && covered < 1.0 / 3 ? covered : 0;
 }
 
-/* Upper bound of the number of cells' edges in a ray's way through a grid. */
+/* Most cell edges along a ray. */
 static size_t spsi_beam_steps(const spsi_cell_grid *grid) {
     return (size_t)(grid->size[0] + grid->size[1] + grid->size[2]) + 2;
 }
@@ -23604,7 +23565,7 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     return SPS_OK;
 }
 
-/* Sends what emitters of some trees do to a grid's cells. `coarse`: as in spsi_flight_job. */
+/* `coarse`: as in spsi_flight_job. */
 static void spsi_cells_fly_from(const spsi_cell_job *job, const spsi_cell_grid *grid, const spsi_flights *trees,
                                 int tree_count, int coarse) {
     const int rows = (grid->size[1] + SPSI_FLIGHT_BLOCK - 1) / SPSI_FLIGHT_BLOCK;
@@ -23615,7 +23576,6 @@ static void spsi_cells_fly_from(const spsi_cell_job *job, const spsi_cell_grid *
     if (count > 0 && grid->flown) spsi_parallel_items(job->context, rows * layers, spsi_flights_light_task, &flight);
 }
 
-/* Sends first flights to a grid's cells. */
 static sps_result spsi_cells_fly_to(spsi_cell_job *job) {
     if (!job->later && spsi_cells_emitters(job)) return job->context->result;
     spsi_cells_fly_from(job, job->grid, job->flights, SPSI_FLIGHTS_CELLS, 2);
@@ -23624,7 +23584,7 @@ static sps_result spsi_cells_fly_to(spsi_cell_job *job) {
 
 /* --- all lights --- */
 
-/* Lights a row of cells and, by first flights, the polygons about them. */
+/* Lights cells and, by first flights, their polygons. */
 static void spsi_cells_light_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
@@ -23646,7 +23606,6 @@ static void spsi_cells_light_task(void *data, int row) {
         }
 }
 
-/* Lights all cells, and the polygons about them. */
 SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage *part) {
     sps_context *context = job->context;
     const int count = job->frame->lights.shadow_count, rows = job->grid->size[1] * job->grid->size[2];
@@ -23677,12 +23636,11 @@ SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage 
     return context->result;
 }
 
-/* --- the equations of a channel --- */
+/* --- equations of a channel --- */
 
-/* Cells that emit have at least this optical depth, so that what they emit has a source that can be divided by it. */
+/* Least optical depth of emitting cells: their source is emission per depth. */
 #define SPSI_CELL_EMITTING 1e-4f
 
-/* Sets what a row of cells keeps and is given. */
 static void spsi_cells_equations_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
@@ -23692,7 +23650,7 @@ static void spsi_cells_equations_task(void *data, int row) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         const float emitted = job->emitted[(size_t)c * grid->count + at], whole = grid->depth[at];
         float degree[SPSI_CELL_ORDERS] = {0}, depth = whole, keep[SPSI_CELL_ORDERS];
-        if (!(whole > 0 || emitted > 0)) continue; /* all is 0 */
+        if (!(whole > 0 || emitted > 0)) continue; /* empty */
         for (int m = 0; m < job->frame->matter.material_count; ++m) {
             const float scattered = job->scattered[(size_t)(m * grid->channels + c) * grid->count + at];
             depth -= scattered * grid->peak[m];
@@ -23715,7 +23673,7 @@ static void spsi_cells_equations_task(void *data, int row) {
     }
 }
 
-/* Lays out a level of a solver in memory, or counts only, and returns its floats. */
+/* `memory` NULL: only counts. Returns floats. */
 SPSI_COLD size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float *memory) {
     const size_t terms = (size_t)(orders * orders) * level->count;
     uint64_t laid = 0;
@@ -23731,7 +23689,6 @@ SPSI_COLD size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, flo
     return (size_t)laid;
 }
 
-/* Floats for light of polygons: moments and a source of none, links and rows of coarse levels. */
 SPSI_COLD size_t spsi_cell_solver_blocker_floats(const spsi_cell_solver *solver) {
     size_t floats = 3 * (size_t)solver->terms * solver->levels[0].count;
     for (int n = 1; n < solver->level_count; ++n)
@@ -23739,7 +23696,7 @@ SPSI_COLD size_t spsi_cell_solver_blocker_floats(const spsi_cell_solver *solver)
     return floats;
 }
 
-/* Sizes of a solver's levels, each half as long as the one before, down to four cells. Returns the floats of all. */
+/* Levels are halved down to four cells. Returns floats. */
 SPSI_COLD size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver *solver) {
     size_t floats = 0;
     solver->orders = grid->orders;
@@ -23780,12 +23737,11 @@ SPSI_COLD sps_result spsi_cell_solver_build(sps_context *context, const spsi_cel
     return SPS_OK;
 }
 
-/* --- solving beside polygons --- */
+/* --- solving with polygons --- */
 
-#define SPSI_CELL_RETURNS 6    /* times that polygons reflect light back, at most */
-#define SPSI_CELL_CHANGE  5e-3 /* of what polygons send: what may be missing */
+#define SPSI_CELL_RETURNS 6    /* reflections by polygons, at most */
+#define SPSI_CELL_CHANGE  5e-3 /* tolerated relative change of polygons' radiance */
 
-/* Closes links of a row of a coarse level. */
 static void spsi_cells_close_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_level *level = &job->solver->levels[job->level];
@@ -23801,7 +23757,7 @@ static void spsi_cells_close_task(void *data, int row) {
     }
 }
 
-/* Closes links on all levels, and sets up `plain`, the finest one as it is when cells send nothing. */
+/* `plain`: the finest level with no light from cells. */
 SPSI_COLD void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     spsi_cell_solver *solver = job->solver;
     const size_t floats = (size_t)solver->terms * solver->levels[0].count;
@@ -23825,9 +23781,7 @@ SPSI_COLD void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     }
 }
 
-/* The emitter of a cell that sends much in a channel, and in others; NULL: there is no room for it. `number`: of the
-   emitter, from 1 on, or 0 if there is none yet. Its direction is that of the first channel in which it sends much:
-   others fly by that, too. */
+/* NULL: there is no room. `number`: index + 1; 0: new. The first bright channel sets the direction. */
 static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int row, int *number) {
     static const int term[3] = {3, 1, 2};
     const spsi_cell_grid *grid = job->grid;
@@ -23839,7 +23793,7 @@ static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int
         double point[3], mean[3];
         spsi_emitter like;
         memset(&like, 0, sizeof like);
-        like.radius = (float)(0.645 * grid->edge); /* the spread of a cube */
+        like.radius = (float)(0.645 * grid->edge); /* radius of a sphere with a cube's spread */
         for (int c = 0; c < 3; ++c) {
             like.sent[c] = 1;
             mean[c] = grid->terms > 1 ? sqrt(0.75) * (double)(sent[(size_t)term[c] * grid->count] / sent[0]) : 0;
@@ -23855,16 +23809,15 @@ static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int
     return *number ? &flights->emitters[*number - 1] : NULL;
 }
 
-/* Makes emitters of what some cells send in a channel more than others, and takes it from them. From such small sources
-   directions make a star of rays. A cell sends all by itself up to four times the grid's mean, and nothing from eight
-   times on; dense cells hide what they send. The mean is that of all cells if up to an eighth of them sends, and that
-   of senders from a quarter on: rays from so many cells are wide. Returns whether there are any. */
+/* Moves the light of exceptionally bright cells into emitters: swept, they cause ray effects. After self-absorption,
+   cells keep up to 4 times the grid's mean, and nothing from 8 times on. The mean covers all cells if at most 1/8 send,
+   and only senders from 1/4 on: many rays are wide. Returns 1 if there are emitters. */
 static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
     const int rows = grid->size[1] * grid->size[2];
     const double area = grid->edge * grid->edge, whole = (double)rows * grid->size[0];
-    int *numbers = (int *)(void *)job->samples; /* of emitters, by cell: lights need no samples any more */
+    int *numbers = (int *)(void *)job->samples; /* emitters by cell; samples are no longer needed */
     int some = 0;
     double all = 0, cells = 0;
     if (channel == 0) memset(numbers, 0, grid->count * sizeof *numbers);
@@ -23894,7 +23847,7 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     return some;
 }
 
-/* Adds so many times what glows and is swept to what cells send in a channel. */
+/* `fraction`: of the swept emission. */
 static void spsi_cells_send_emission(const spsi_cell_job *job, int channel, float fraction) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const float *emitted = job->emitted + (size_t)channel * job->grid->count;
@@ -23902,8 +23855,8 @@ static void spsi_cells_send_emission(const spsi_cell_job *job, int channel, floa
         if (level->depth[at] > 0) level->sent[at] += fraction * emitted[at] / level->depth[at];
 }
 
-/* Sweeps once more without what flies. `light`, which cells get, loses as much of what is set apart as flies to cells.
-   What polygons get loses all of that, and the part of the glow that flies to polygons alone. */
+/* Sweeps once more without first flights. `light`, for cells, loses the emitters' light that flies to cells. Light for
+   polygons loses all of it, and emission that flies to polygons only. */
 static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *light) {
     spsi_cell_level *level = &job->solver->levels[0];
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;
@@ -23922,7 +23875,7 @@ static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *
     if (fraction > 0 || (apart && !flies)) spsi_cells_sweep(level);
 }
 
-/* Ends rays that a closed link keeps from a cell: what is beyond does not reach the one before. */
+/* Ends rays at closed links. */
 static spsi_v spsi_cells_stop(const spsi_cell_level *level, const spsi_v before[3], const spsi_v at[3],
                               spsi_v through) {
     float cell[3][SPSI_LANES], last[3][SPSI_LANES], passes[SPSI_LANES];
@@ -23937,9 +23890,8 @@ static spsi_v spsi_cells_stop(const spsi_cell_level *level, const spsi_v before[
     return spsi_load(passes);
 }
 
-/* Finds the radiance that comes back along rays of a length in cells, which begin at a place in cells: what these send,
-   in equal steps of at most three quarters of an edge: longer ones are 3 % too bright beside dense gas. From found[1]
-   on follow the sets of single scattering over the phase function. */
+/* Marches rays through the cells; units are cells. found[0]: radiance; then single scattering by set, over the phase
+   function. Equal steps, at most 3/4 of an edge: longer ones are 3 % too bright next to dense medium. */
 static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v from[3], const spsi_v way[3],
                                 spsi_v length, spsi_v found[1 + SPSI_CELL_SETS]) {
     const spsi_cell_level *level = &solver->levels[0];
@@ -23976,7 +23928,7 @@ static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v fro
     }
 }
 
-/* Ends a patch where polygons within the grid cut all of its outermost cells from those nearer to the side's middle. */
+/* Trims a patch whose outermost cells polygons cut off from the side's middle. */
 static void spsi_cell_patch_trim(const spsi_cell_level *level, const spsi_cell_grid *grid, int patch) {
     const int side = spsi_cell_patch_side(grid, patch), axis = side / 2;
     const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
@@ -23987,7 +23939,7 @@ static void spsi_cell_patch_trim(const spsi_cell_level *level, const spsi_cell_g
                                      ((float)(n % 2) - 0.5f) * own[(4 + n / 2) * SPSI_CELL_SHEET]);
     for (int i = 0; i < 2; ++i) {
         const double middle = 0.5 * grid->edge * grid->size[along[i]];
-        const int falls = end[i][0] + end[i][1] < 2 * middle, step = falls ? -1 : 1; /* from the middle on */
+        const int falls = end[i][0] + end[i][1] < 2 * middle, step = falls ? -1 : 1; /* away from the middle */
         const int inner = (int)(end[i][falls] / grid->edge - 0.01 * falls);
         const int outer = (int)(end[i][!falls] / grid->edge - 0.01 * !falls);
         int reach = inner, at[3] = {0, 0, 0}, link[3] = {0, 0, 0};
@@ -24008,7 +23960,6 @@ static void spsi_cell_patch_trim(const spsi_cell_level *level, const spsi_cell_g
     }
 }
 
-/* Sets where patches are, given which links polygons close. */
 static void spsi_cells_place_patches(const spsi_cell_solver *solver, const spsi_cell_grid *grid) {
     for (int n = 0; n < 6 * grid->across * grid->across; ++n) {
         const int side = spsi_cell_patch_side(grid, n), axis = side / 2;
@@ -24023,23 +23974,22 @@ static void spsi_cells_place_patches(const spsi_cell_solver *solver, const spsi_
     }
 }
 
-/* Finds what leaves a patch: the radiance times pi that rays from its middle see, over about what even gas of the
-   grid's mean depth takes on their ways. The shape of the grid, which has edges, is in the divisor. What is left is
-   smooth, and kept as harmonics, scaled to the flux of the rays. Surfaces count their sum as 0 where its sign is not
-   that of the flux, and so does the scale. */
+/* Light leaving a patch: pi times the radiance along rays from its centre. Dividing by the opacity of a uniform medium
+   removes the grid's shape. The smooth ratio is stored as harmonics, scaled to the rays' flux. Sums opposed to the flux
+   count as 0, as on surfaces. */
 static void spsi_cell_patches_task(void *data, int patch) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->leaves;
     const spsi_cell_rays *rays = &job->solver->rays;
     const int side = spsi_cell_patch_side(grid, patch), axis = side / 2, upper = side % 2;
-    const double extent[3] = {(double)grid->size[0], (double)grid->size[1], (double)grid->size[2]}; /* in cells */
+    const double extent[3] = {(double)grid->size[0], (double)grid->size[1], (double)grid->size[2]}; /* cells */
     const int set = grid->channels * (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET;
     float *sent = spsi_cell_patches_sent(grid, job->channel) + patch;
     float seen[1 + SPSI_CELL_SETS][SPSI_CELL_RAYS], taken[SPSI_CELL_RAYS];
     for (int n = 0; n < SPSI_CELL_RAYS; n += SPSI_LANES) {
         spsi_v from[3], way[3], length, found[1 + SPSI_CELL_SETS];
         for (int k = 0; k < 3; ++k) {
-            const int own = k == axis ? 2 : k > axis ? k - 1 : k; /* along the side: the lower axis first */
+            const int own = k == axis ? 2 : k > axis ? k - 1 : k; /* lower axis first */
             const spsi_v out = spsi_load(rays->out[own] + n);
             from[k] = spsi_set(grid->patches[k * SPSI_CELL_SHEET + patch] / (float)grid->edge);
             way[k] = k == axis && !upper ? out : spsi_sub(spsi_set(0), out);
@@ -24067,8 +24017,7 @@ static void spsi_cell_patches_task(void *data, int patch) {
     }
 }
 
-/* Takes single scattering of the grid's lights by lobes with a peak from what a row's cells send: patches send it by
-   these lobes. */
+/* Subtracts single scattering by peaked lobes: patches send it by the phase function. */
 static void spsi_cells_single_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
@@ -24093,8 +24042,7 @@ static void spsi_cells_single_task(void *data, int row) {
     }
 }
 
-/* Keeps what the last sweep found, by which polygons are lit, and what leaves the patches of a grid. If no polygons are
-   within the grid, that is in all what cells send and do not take. */
+/* Stores flux and the light leaving patches. Without polygons inside, patches are scaled to the cells' net emission. */
 SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_cell_grid *leaves) {
     spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
@@ -24122,13 +24070,12 @@ SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_
             apart += (double)(area * spsi_cell_patches_sent(leaves, channel + i * grid->channels)[n]);
     }
     out *= job->solver->walled || !(fabs(found + apart) > 0) ? 0 : grid->edge * grid->edge / (found + apart);
-    /* what gas takes may make up for what it sends; light of lobes leaves in other directions, and is not scaled */
+    /* absorption may cancel emission; lobes' light leaves in other directions, and is not scaled */
     out = out > 0 ? 1 + (spsi_dmin(spsi_dmax(out, 0.95), 1.05) - 1) * spsi_dmax(0, found / (found + apart)) : 1;
     for (int n = 0; n < (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET; ++n) sent[n] *= (float)out;
 }
 
-/* Finds what polygons send, given what cells send so far, and what of that reaches each cell, unless it has hardly
-   changed. Returns by how much. */
+/* Sweeps the cells' light that polygons reflect, unless it hardly changed. Returns the change. */
 SPSI_COLD double spsi_cells_reflect(spsi_cell_job *job, int channel, spsi_cell_level *plain) {
     if (job->blocker_light) spsi_cells_take_flux(job, channel, &job->coarse);
     double change = spsi_cell_blockers_send(job, channel);
@@ -24141,7 +24088,6 @@ SPSI_COLD double spsi_cells_reflect(spsi_cell_job *job, int channel, spsi_cell_l
     return change;
 }
 
-/* Solves for one channel; beside polygons, again with what they reflect. */
 SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_level *plain, const spsi_call_stage *part) {
     spsi_cell_solver *solver = job->solver;
     const spsi_cell_grid *grid = job->grid;
@@ -24164,7 +24110,7 @@ SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_leve
         if (spsi_cells_solve(solver, n > 0, &each)) return job->context->result;
         spsi_copy(job->context, light, found, moments * sizeof(float));
         each.progress += each.share;
-        if (!plain || change * change < SPSI_CELL_CHANGE * last) break; /* the next falls as much as this did */
+        if (!plain || change * change < SPSI_CELL_CHANGE * last) break; /* the next change shrinks by as much */
         last = change;
         change = spsi_cells_reflect(job, job->channel, plain);
         if (change < SPSI_CELL_CHANGE) break;
@@ -24175,7 +24121,6 @@ SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_leve
     return SPS_OK;
 }
 
-/* Solves for one channel after the other. */
 SPSI_COLD sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_call_stage *part) {
     sps_context *context = job->context;
     const spsi_cell_grid *grid = job->grid;
@@ -24184,7 +24129,7 @@ SPSI_COLD sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_call_st
     spsi_cell_solver solver;
     if (spsi_cell_solver_build(context, grid, &solver)) return context->result;
     job->solver = &solver;
-    solver.single = job->samples + grid->count; /* after the numbers of emitters */
+    solver.single = job->samples + grid->count; /* after the emitter numbers */
     solver.set_count = grid->light_count * grid->peak_count;
     if (job->blockers.closed) {
         spsi_cells_close(job, &plain);
@@ -24200,10 +24145,9 @@ SPSI_COLD sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_call_st
     return SPS_OK;
 }
 
-/* --- all of it --- */
+/* --- all grids --- */
 
-/* Lays out a grid that is held in memory, or counts only, and returns its floats: moments, depth, the scales of
-   extinction, what polygons receive, first flights, and what is seen of it. */
+/* `memory` NULL: only counts. Returns floats. */
 static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *grid, float *memory) {
     const size_t each = (size_t)grid->channels * grid->count, moments = each * (size_t)grid->terms;
     const int flies = spsi_cells_fly(frame), flies_to_cells = flies && spsi_flies_to_cells(frame);
@@ -24225,7 +24169,6 @@ static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *gr
     return (size_t)laid;
 }
 
-/* Upper bound of the bytes for first flights. */
 static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *grid) {
     const size_t each =
         sizeof(spsi_emitter) + sizeof(spsi_flight_node) + sizeof(int) + sizeof(spsi_tree_item) + sizeof(spsi_tree_node);
@@ -24241,11 +24184,11 @@ static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *
         if (spsi_light_has_beam(&frame->lights.list[i]))
             count += (spsi_beam_steps(grid) + 1) * SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
     count += spsi_emitting_cells(frame) + (size_t)(grid->size[0] * grid->size[1]);
-    count += 2 * SPSI_FLIGHT_TREES; /* nodes of trees of none */
+    count += 2 * SPSI_FLIGHT_TREES; /* nodes of empty trees */
     return spsi_cells_fly(frame) ? SPSI_FLIGHT_TREES * sizeof(spsi_flights) + count * each : 0;
 }
 
-/* Upper bound of the bytes for all cells: those of cubes, one after the other. */
+/* Upper bound: all grids are cubes. */
 SPSI_COLD size_t spsi_cells_bytes(const spsi_frame *frame) {
     const int side = frame->view.scattering_resolution;
     size_t floats, bytes = sizeof(spsi_cell_job) + SPSI_CELL_GRIDS * sizeof(spsi_cell_grid);
@@ -24256,9 +24199,9 @@ SPSI_COLD size_t spsi_cells_bytes(const spsi_frame *frame) {
     spsi_cells_lay_out(frame, &grid);
     floats = spsi_cell_job_floats(frame, &grid) * grid.count + spsi_cell_solver_size(&grid, &solver);
     floats += SPSI_CELL_GRIDS * spsi_cell_grid_lay_out(frame, &grid, NULL);
-    if (grid.flux_terms > 0) /* there are polygons, which receive light from cells */
+    if (grid.flux_terms > 0) /* polygons receive light from cells */
         floats += spsi_cell_blockers_floats(&grid) + spsi_ray_count(&frame->content->eye) * (size_t)frame->channels;
-    for (int i = 0; i < frame->lights.count; ++i) { /* lights' tables */
+    for (int i = 0; i < frame->lights.count; ++i) {
         spsi_light coarse = frame->lights.list[i];
         size_t held, filling;
         if (!coarse.shadows || spsi_has_shadow_table(&coarse)) continue;
@@ -24269,7 +24212,7 @@ SPSI_COLD size_t spsi_cells_bytes(const spsi_frame *frame) {
     return bytes + floats * sizeof(float) + spsi_flights_bytes(frame, &grid);
 }
 
-/* A hash of what a light sends; 0 if it may change without notice. */
+/* 0 if it may change without notice. */
 static uint64_t spsi_light_fingerprint(uint64_t hash, const spsi_light *light) {
     const double numbers[] = {light->position[0],   light->position[1],  light->position[2],
                               light->direction[0],  light->direction[1], light->direction[2],
@@ -24285,8 +24228,7 @@ static uint64_t spsi_light_fingerprint(uint64_t hash, const spsi_light *light) {
     return spsi_fingerprint(hash, light->color, sizeof light->color);
 }
 
-/* A hash of all that light scattered in gas depends on, except where it is kept; 0 if some of it may change without
-   notice. */
+/* 0 if an input may change without notice. Excludes the grids' places. */
 static uint64_t spsi_scattered_fingerprint(const sps_context *context, const spsi_frame *frame) {
     const double knobs[] = {frame->view.slab_thickness, frame->accuracy.cut, frame->accuracy.shadow_texels,
                             frame->accuracy.flight_angle};
@@ -24311,7 +24253,6 @@ static uint64_t spsi_scattered_fingerprint(const sps_context *context, const sps
     return hash;
 }
 
-/* The same with the places of grids of cells. */
 static uint64_t spsi_cells_fingerprint(const sps_context *context, const spsi_frame *frame, const spsi_cell_grid *grids,
                                        int count) {
     uint64_t hash = spsi_scattered_fingerprint(context, frame);
@@ -24324,16 +24265,15 @@ static uint64_t spsi_cells_fingerprint(const sps_context *context, const spsi_fr
     return hash;
 }
 
-/* Whether light is held that was made from what `key` stands for. From here on none is, until its maker sets
-   cells_held: a call that fails may leave any part of it in the buffers. */
+/* True if light made for `key` is cached. Clears cells_held, since a failing call may leave partial data; the maker
+   sets it again. */
 SPSI_COLD int spsi_scattered_take(sps_context *context, uint64_t key) {
     const int held = key != 0 && key == context->cells_held;
     context->cells_held = 0;
     return held;
 }
 
-/* Sums over the cells of all grids, by which what glows is shared out: what they send; times `parts`, by how many times
-   a grid's cells are more than those that glow; times the depth across what glows. */
+/* Weighted by emission. `parts`: grid cells per emitting cell; `depth`: across the emitting region. */
 typedef struct spsi_emission_sums {
     double sum, parts, depth;
 } spsi_emission_sums;
@@ -24355,7 +24295,6 @@ static void spsi_emission_add(const spsi_cell_job *job, spsi_emission_sums *glow
     glow->depth += depth * cbrt(sum * sum / squares);
 }
 
-/* Sets up a grid's job, and fills it. */
 static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                    const spsi_bounds *bounds, const spsi_call_stage *part, spsi_cell_grid *grid,
                                    spsi_cell_job **begun) {
@@ -24387,7 +24326,6 @@ static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-/* Reserves the memory of all grids. */
 SPSI_COLD sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *frame, spsi_cell_grid *grids,
                                         int count) {
     size_t floats = 0;
@@ -24402,10 +24340,10 @@ SPSI_COLD sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* The grids serve the lights that bring most to the gas. The strongest light without a place lowers the weight of each
-   that brings less than twice as much, so weights reach 0 before lights change places. A lamp's directions at two
-   places stand for those along a way if it is distant: its weight grows from 0 at a quarter of the grid's longest side
-   to 1 at half of it. Projectors, narrow cones and lights without shadows have no weight. */
+/* Chooses the lights that bring most to the medium. The strongest left out lowers each weight of less than twice its
+   own, so weights reach 0 before lights swap. A point light's directions at two places must stand for a path. Its
+   weight rises from 0 at 1/4 of the longest side away to 1 at 1/2. Projectors, narrow cones and lights without shadows
+   have none. */
 static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *grids, int count) {
     const int most = count > 0 ? grids->light_count : 0;
     spsi_cell_light list[SPSI_CELL_SETS + 1], entry;
@@ -24440,8 +24378,7 @@ static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *gr
         }
 }
 
-/* Places grids about all gas: one, or one about each of groups that are far apart, and sets the content's bounds to
-   theirs. Returns their number. */
+/* Places one grid per group. Returns their number. */
 SPSI_COLD int spsi_cells_place_all(const sps_context *context, const spsi_frame *frame, spsi_groups *groups,
                                    spsi_cell_grid *grids) {
     int count = 0;
@@ -24457,7 +24394,7 @@ SPSI_COLD int spsi_cells_place_all(const sps_context *context, const spsi_frame 
     return count;
 }
 
-/* Sets the scale of extinction, which surfaces use, to the mean of all grids. */
+/* Gives all grids, for surfaces, one mean extinction scale. */
 SPSI_COLD void spsi_cells_share_scale(spsi_cell_grid *grids, int count) {
     for (int c = 0; c < grids[0].channels && count > 1; ++c) {
         double sum = 0, weight = 0;
@@ -24472,7 +24409,7 @@ SPSI_COLD void spsi_cells_share_scale(spsi_cell_grid *grids, int count) {
     }
 }
 
-/* Makes the light in all cells. What glows in one grid must know the gas in all others: these are filled beforehand. */
+/* All grids are filled first: emission in one must know the others' medium. */
 SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                      const spsi_groups *groups, const spsi_call_stage *part, spsi_cell_grid *grids,
                                      int count, spsi_flights *flights) {
@@ -24489,7 +24426,7 @@ SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *fra
     for (int n = 0; n < count; ++n) {
         if (spsi_cells_begin(context, frame, faces, &groups->list[n], &third, &grids[n], &job)) return context->result;
         if (count == 1 && flies) spsi_emission_add(job, &glow);
-        if (n == 0) { /* what flies; beyond depths of 20/3, nodes are 10 % too dark and cells 20 % too bright */
+        if (n == 0) { /* beyond depths of 20/3, nodes are 10 % too dark and cells 20 % too bright */
             const double sum = glow.sum > 0 ? glow.sum : 1, alone = log(spsi_dmax(glow.parts / sum, 1) / 32) / log(4);
             const double bare = glow.sum > 0 ? spsi_dmin(spsi_dmax(1.5 - glow.depth / sum / 8, 2.0 / 3), 1) : 0;
             flights->to_cells = (float)(frame->matter.scatters ? spsi_dmax(0, spsi_dmin(alone, 1)) : bare);
@@ -24513,11 +24450,11 @@ SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *fra
         return context->result;
     for (int n = 0; n < count && flights->to_cells > 0; ++n)
         spsi_cells_fly_from(job, &grids[n], &flights[SPSI_FLIGHTS_CELLS], 1, 4); /* scattered light needs few nodes */
-    flights[SPSI_FLIGHTS_CELLS].to_cells = 0; /* polygons may take wide nodes */
+    flights[SPSI_FLIGHTS_CELLS].to_cells = 0; /* polygons can use wide nodes */
     return SPS_OK;
 }
 
-/* Finds the light in the cells, unless it is held from the last call, and what the eye sees of it. */
+/* Reuses the last call's light if possible. */
 static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                   const spsi_call_stage *part) {
     const double start = spsi_clock(context);
@@ -24555,7 +24492,7 @@ static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame,
     return SPS_OK;
 }
 
-/* The same on the finest levels of all volumes: what gas sends does not depend on how large the eye's pixels are. */
+/* Uses the finest levels of all volumes: light must not depend on pixel size. */
 SPSI_COLD sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                       const spsi_call_stage *part) {
     spsi_content *content = frame->content;
@@ -24564,22 +24501,22 @@ SPSI_COLD sps_result spsi_cells_build(sps_context *context, const spsi_frame *fr
     memcpy(levels, content->levels, sizeof levels);
     for (int m = 0; m < frame->medium_count; ++m) content->levels[m] = spsi_fmin(levels[m], 0);
     (void)spsi_cells_find(context, frame, faces, part);
-    if (memcmp(content->levels, levels, sizeof levels)) /* lights' own tables of these levels are not the picture's */
+    if (memcmp(content->levels, levels, sizeof levels)) /* these tables do not fit the image's levels */
         spsi_tmaps_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count);
     memcpy(content->levels, levels, sizeof levels);
     content->bounds = bounds;
     return context->result;
 }
 
-/* --- light that spreads --- */
+/* --- spreading light --- */
 
-/* A face of a light that is being carried from sheet to sheet, >>spreading. */
+/* A light's face, >>spreading. */
 typedef struct spsi_spread_job {
     sps_context *context;
     const spsi_frame *frame;
     const spsi_faces *faces;
     spsi_spread *spread;
-    int face, fine; /* fine: samples along each side of a texel */
+    int face, fine; /* fine: samples per texel side */
     spsi_sampling sheets;
     spsi_light light; /* its centre, without falloff */
     spsi_shadow shadow;
@@ -24587,15 +24524,14 @@ typedef struct spsi_spread_job {
     spsi_shader shader;
     spsi_sweep sweep;
     spsi_spread_light flow[3];  /* per channel */
-    int first, count;           /* of the chunk's sheets */
-    size_t plane;               /* floats of one of them */
-    /* spsi_spread_sheet's, per sheet, and all but depth and reach per channel, too */
+    int first, count;           /* sheets of the chunk */
+    size_t plane;               /* floats per sheet */
+    /* see spsi_spread_sheet: per sheet and, except for depth and reach, per channel */
     float *depth, *scattered, *turned, *back, *source, *open, *reach;
-    float *lit;  /* per channel: what polygons let pass of light at the sheet before */
-    float *cone; /* what a spotlight's cone lets pass */
+    float *lit;  /* per channel: transmittance of polygons up to the sheet before */
+    float *cone; /* transmittance of a spotlight's cone */
 } spsi_spread_job;
 
-/* Adds what material m has at a place to the chunk's sheets. */
 static void spsi_spread_add_sample(const void *data, const spsi_sample_place *place, int m,
                                    const spsi_cell_sample *sample) {
     const spsi_spread_job *job = (const spsi_spread_job *)data;
@@ -24614,8 +24550,7 @@ static void spsi_spread_add_sample(const void *data, const spsi_sample_place *pl
     }
 }
 
-/* What polygons leave of a light at a vector of texels of a sheet, by channel, and of light that has scattered before
-   it: where they end or filter the light's ray, they do that, too. */
+/* Polygons block and filter scattered light like the direct ray. */
 static void spsi_spread_polygons(const spsi_spread_job *job, const spsi_cell_spot *spot, size_t texel, size_t at,
                                  spsi_v filter[3]) {
     const spsi_v one = spsi_set(1);
@@ -24635,8 +24570,8 @@ static void spsi_spread_polygons(const spsi_spread_job *job, const spsi_cell_spo
     }
 }
 
-/* Mean of what a spotlight's cone lets pass over a square of texels, about column x and row y: by quarters along the
-   rim, until they are small against cone and texel, so that no light is made or lost however few texels it meets. */
+/* Mean of a spotlight's cone over a square of texels. Squares on the rim are split until small, which conserves light
+   on any number of texels. */
 static double spsi_spread_cone(const spsi_light *light, const spsi_rays *rays, double x, double y, double size) {
     const double outer = 2 * asin(spsi_dmin(sqrt(0.5 * light->cone.none), 1));
     const double inner = 2 * asin(spsi_dmin(sqrt(0.5 * spsi_dmax(light->cone.none - light->cone.rim, 0)), 1));
@@ -24657,7 +24592,6 @@ static double spsi_spread_cone(const spsi_light *light, const spsi_rays *rays, d
     return 0.25 * sum;
 }
 
-/* Lights a row of the chunk's sheets. */
 static void spsi_spread_light_task(void *data, int y) {
     const spsi_spread_job *job = (const spsi_spread_job *)data;
     const double thickness = spsi_spread_thickness(job->spread), near_depth = job->spread->map.settings.near_depth;
@@ -24669,7 +24603,7 @@ static void spsi_spread_light_task(void *data, int y) {
             const size_t texel = (size_t)y * (size_t)pitch + (size_t)x, at = (size_t)k * job->plane + texel;
             spsi_incident incident;
             spsi_cell_spot spot;
-            spsi_subslab middle; /* a texel has one direction: at a sheet's ends, a lamp amid gas may itself be */
+            spsi_subslab middle; /* one direction per texel: a light in the medium may lie at a sheet's end */
             spsi_v filter[3];
             spsi_cell_spot_build(&job->shader, thickness, x, y, job->first + k, &spot);
             middle = spot.part;
@@ -24684,10 +24618,9 @@ static void spsi_spread_light_task(void *data, int y) {
         }
 }
 
-/* Keeps what light of a channel has arrived at a plane. With s the depth that scatters and Q what turns back, two
-   streams let exp(s) / (1 + Q) pass where exp(s) is carried and 1 is straight; of light that has scattered, that is the
-   share `goes`. Gas receives more than a surface across the ray: light at a slant by its cosine, and what gas behind
-   turns back, for which half of what has turned back so far makes up. */
+/* Stores a channel's light at a plane. With scattering depth s and back scattering Q, two streams pass exp(s) / (1 +
+   Q). Of that, direct light is 1; `goes` is the rest per unit carried. A medium receives more than a surface: slanted
+   light by its cosine, and from behind half the back scattering so far. */
 static void spsi_spread_keep(const spsi_spread_job *job, int c, int plane) {
     const spsi_spread *spread = job->spread;
     const spsi_spread_light *light = &job->flow[c];
@@ -24708,14 +24641,13 @@ static void spsi_spread_keep(const spsi_spread_job *job, int c, int plane) {
         const spsi_v fewer = spsi_max(spsi_sub(spsi_add(more, one), back), zero);
         const spsi_v goes = spsi_div(spsi_div(fewer, spsi_max(more, tiny)), spsi_mul(back, spsi_max(solid, tiny)));
         const spsi_v gas = spsi_mul(goes, spsi_sqrt(spsi_div(back, spsi_sub(one, sines))));
-        const spsi_m inside = spsi_less(zero, solid); /* beyond a row's texels, there is nothing */
+        const spsi_m inside = spsi_less(zero, solid); /* the rest is padding */
         spsi_store(spread->onward + to + i, spsi_select(inside, spsi_mul(flux, goes), zero));
         spsi_store(spread->flux + to + i, spsi_select(inside, spsi_mul(flux, gas), zero));
         spsi_store(spread->way + to + i, spsi_select(inside, spsi_mul(way, gas), zero));
     }
 }
 
-/* Carries one channel through the chunk's sheets. */
 static void spsi_spread_propagate_task(void *data, int c) {
     const spsi_spread_job *job = (const spsi_spread_job *)data;
     const double thickness = spsi_spread_thickness(job->spread), near_depth = job->spread->map.settings.near_depth;
@@ -24732,8 +24664,7 @@ static void spsi_spread_propagate_task(void *data, int c) {
     }
 }
 
-/* Samples of a light's sheets along each side of a texel: more than one where a transfer function calls for them. A
-   chunk is of whole texels. */
+/* Samples per texel side. A chunk holds whole texels. */
 SPSI_COLD int spsi_spread_fineness(const spsi_frame *frame, const spsi_spread *spread) {
     const sps_tmap_settings *range = &spread->map.settings;
     const double texel = spsi_pixel_size_at(&spread->map.rays[0], 0.5 * (range->near_depth + range->far_depth));
@@ -24742,8 +24673,7 @@ SPSI_COLD int spsi_spread_fineness(const spsi_frame *frame, const spsi_spread *s
     return fine;
 }
 
-/* Rays through the samples of a face, and their slabs: `fine` samples along each side of a texel. Returns 0 if texels
-   are too much alike. */
+/* Returns 0 if texels are too much alike. */
 SPSI_COLD int spsi_spread_aim_fine(const spsi_spread *spread, int face, int fine, spsi_rays *rays, spsi_slabs *slabs) {
     const spsi_rays *texels = &spread->map.rays[face];
     const double per_length = spsi_length(texels->inverse[2]);
@@ -24756,7 +24686,6 @@ SPSI_COLD int spsi_spread_aim_fine(const spsi_spread *spread, int face, int fine
     return spsi_rays_split(texels, fine, rays);
 }
 
-/* Sets up a face: its rays, and sheets of samples. */
 SPSI_COLD sps_result spsi_spread_face_begin(spsi_spread_job *job, float *memory) {
     const spsi_spread *spread = job->spread;
     const spsi_frame *frame = job->frame;
@@ -24789,7 +24718,6 @@ SPSI_COLD sps_result spsi_spread_face_begin(spsi_spread_job *job, float *memory)
     return spsi_sampling_begin(job->context, frame, &job->sheets);
 }
 
-/* Carries light through a face. */
 SPSI_COLD sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const spsi_call_stage *part) {
     sps_context *context = job->context;
     const spsi_spread *spread = job->spread;
@@ -24807,10 +24735,9 @@ SPSI_COLD sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const
     return SPS_OK;
 }
 
-/* Most sheets of a light with that many texels across. */
 SPSI_COLD int spsi_spread_sheets_most(int texels) { return 2 * texels; }
 
-/* Aims a light's sheets at the gas. They are as thick as texels in the middle are wide. */
+/* Sheets are as thick as texels are wide midway. */
 SPSI_COLD sps_result spsi_spread_aim(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                      spsi_spread *spread) {
     const sps_tmap_settings *range = &spread->map.settings;
@@ -24819,7 +24746,7 @@ SPSI_COLD sps_result spsi_spread_aim(sps_context *context, const spsi_frame *fra
     spread->light = light;
     spread->channels = frame->channels;
     if (spsi_light_tmap_aim(context, frame, &coarse, &spread->map)) return context->result;
-    if (spread->map.face_count > 1) { /* twice as many around as across */
+    if (spread->map.face_count > 1) { /* a cube has twice as many around as across */
         coarse.map_size = spsi_imax(16, coarse.map_size / 2);
         if (spsi_light_tmap_aim(context, frame, &coarse, &spread->map)) return context->result;
     }
@@ -24832,7 +24759,7 @@ SPSI_COLD sps_result spsi_spread_aim(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* Sets up a job for a light. Returns the floats of its memory. */
+/* Returns floats. */
 SPSI_COLD size_t spsi_spread_job_begin(const spsi_frame *frame, spsi_spread *spread, spsi_spread_job *job) {
     const spsi_rays *rays = &spread->map.rays[0];
     job->spread = spread;
@@ -24853,7 +24780,6 @@ SPSI_COLD size_t spsi_spread_job_begin(const spsi_frame *frame, spsi_spread *spr
            (size_t)spread->channels * spsi_spread_light_floats(&job->flow[0]);
 }
 
-/* Carries the light of all lamps. */
 SPSI_COLD sps_result spsi_spreads_make(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                        const spsi_spreads *spreads, const spsi_call_stage *part) {
     spsi_spread_job *job = (spsi_spread_job *)spsi_reserve(context, SPSI_BUFFER_CELL_JOB, 1, sizeof *job);
@@ -24890,7 +24816,7 @@ SPSI_COLD sps_result spsi_spreads_make(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* Finds the light that spreads from each lamp which casts shadows, unless it is held from the last call. */
+/* Reuses the last call's if possible. */
 SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                         const spsi_call_stage *part, spsi_spreads *spreads) {
     const size_t count = (size_t)frame->lights.shadow_count;
@@ -24926,7 +24852,6 @@ SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Upper bound of the bytes for all that. */
 SPSI_COLD size_t spsi_spreads_bytes(const spsi_frame *frame) {
     size_t floats = 0, most = 0;
     for (int i = 0; i < frame->lights.count; ++i) {

@@ -23351,7 +23351,7 @@ static void spsi_beam_light(const spsi_cell_job *job, const spsi_light *light, c
                                    (double)SPSI_RADIANCE_MAX);
 }
 
-/* Adds an emitter for light scattered per cell edge. */
+/* Adds an emitter per cell edge along a beam. */
 static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_light *light, const spsi_ray *ray, double solid,
                                   spsi_tree_item *items) {
     const spsi_cell_grid *grid = job->grid;
@@ -23673,7 +23673,7 @@ static void spsi_cells_equations_task(void *data, int row) {
     }
 }
 
-/* `memory` NULL: only counts. Returns floats. */
+/* `memory` NULL: only counts. Returns the floats. */
 SPSI_COLD size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float *memory) {
     const size_t terms = (size_t)(orders * orders) * level->count;
     uint64_t laid = 0;
@@ -23696,7 +23696,7 @@ SPSI_COLD size_t spsi_cell_solver_blocker_floats(const spsi_cell_solver *solver)
     return floats;
 }
 
-/* Levels are halved down to four cells. Returns floats. */
+/* Levels are halved down to four cells. Returns their floats. */
 SPSI_COLD size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver *solver) {
     size_t floats = 0;
     solver->orders = grid->orders;
@@ -24147,7 +24147,7 @@ SPSI_COLD sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_call_st
 
 /* --- all grids --- */
 
-/* `memory` NULL: only counts. Returns floats. */
+/* `memory` NULL: only counts. Returns the floats. */
 static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *grid, float *memory) {
     const size_t each = (size_t)grid->channels * grid->count, moments = each * (size_t)grid->terms;
     const int flies = spsi_cells_fly(frame), flies_to_cells = flies && spsi_flies_to_cells(frame);
@@ -24212,7 +24212,7 @@ SPSI_COLD size_t spsi_cells_bytes(const spsi_frame *frame) {
     return bytes + floats * sizeof(float) + spsi_flights_bytes(frame, &grid);
 }
 
-/* 0 if it may change without notice. */
+/* Returns 0 if the light may change without notice. */
 static uint64_t spsi_light_fingerprint(uint64_t hash, const spsi_light *light) {
     const double numbers[] = {light->position[0],   light->position[1],  light->position[2],
                               light->direction[0],  light->direction[1], light->direction[2],
@@ -24228,7 +24228,7 @@ static uint64_t spsi_light_fingerprint(uint64_t hash, const spsi_light *light) {
     return spsi_fingerprint(hash, light->color, sizeof light->color);
 }
 
-/* 0 if an input may change without notice. Excludes the grids' places. */
+/* Returns 0 if an input may change without notice. Excludes the grids' places. */
 static uint64_t spsi_scattered_fingerprint(const sps_context *context, const spsi_frame *frame) {
     const double knobs[] = {frame->view.slab_thickness, frame->accuracy.cut, frame->accuracy.shadow_texels,
                             frame->accuracy.flight_angle};
@@ -24759,7 +24759,7 @@ SPSI_COLD sps_result spsi_spread_aim(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* Returns floats. */
+/* Returns the floats. */
 SPSI_COLD size_t spsi_spread_job_begin(const spsi_frame *frame, spsi_spread *spread, spsi_spread_job *job) {
     const spsi_rays *rays = &spread->map.rays[0];
     job->spread = spread;
@@ -24876,47 +24876,45 @@ SPSI_COLD size_t spsi_spreads_bytes(const spsi_frame *frame) {
 }
 
 /* ================================================================================================ >>sweep
-   33 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which look up what the
-   light's have just written. Empty chunks cost next to nothing, and patches whose rays have all ended are not
-   shaded. */
+   33 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which read the light's
+   results. Empty chunks are almost free. Patches whose rays have all ended are not shaded. */
 
-/* The tiles of the image that the region to render touches. */
+/* Tiles that the rendered region touches. */
 typedef struct spsi_region {
-    int x0, y0, columns, rows; /* in tiles */
-    uint64_t *open;            /* per tile, bits: patches whose rays have not all ended */
-    int outside;               /* number of tiles without a pixel of the sweep's part of the image */
-    float (*polygon_range)[3]; /* per tile: minimum and maximum slab coordinate of its polygons, and minimum depth */
-    spsi_task_order turns;     /* of tiles */
+    int x0, y0, columns, rows; /* tiles */
+    uint64_t *open;            /* per tile: bits of patches with unfinished rays */
+    int outside;               /* tiles without pixels in the sweep's part of the image */
+    float (*polygon_range)[3]; /* per tile: least and greatest slab coordinate of its polygons, and least depth */
+    spsi_task_order turns;     /* order of the tiles */
 } spsi_region;
 
 #define SPSI_REGION_TILE_BYTES (sizeof(uint64_t) + 3 * sizeof(float) + SPSI_TASK_ORDER_BYTES)
 
-/* Data shared by the tasks of a sweep. A task writes only its own tile's pixels, planes and flags, and its own worker's
-   sheets, scratch memory and counters. */
+/* Shared by the tasks of a sweep. A task writes only its tile's pixels, planes and flags, and its worker's sheets,
+   scratch memory and counters. */
 typedef struct spsi_run {
     sps_context *context;
-    spsi_contents contents; /* bricks and particles by chunk */
-    spsi_target eye;        /* the eye's sheets */
-    spsi_sliced sliced;     /* the shadow of the sweep's lamp */
-    int has_sliced;         /* 1: `sliced` is in use, since gas shades */
+    spsi_contents contents;
+    spsi_target eye;
+    spsi_sliced sliced;     /* shadow of the sweep's light */
+    int has_sliced;         /* 1: medium casts that shadow */
     spsi_shader shader;
-    spsi_shadow *shadows;   /* those of the shader */
-    spsi_sample *samples;   /* of the workers' scratch memory */
-    spsi_arrival *arrivals; /* one per shadow, per worker */
+    spsi_shadow *shadows;
+    spsi_sample *samples;   /* workers' scratch memory */
+    spsi_arrival *arrivals; /* per shadow and worker */
     uint64_t *shaded;       /* per worker: pixels times slabs */
-    int slab_count;         /* to composite in this chunk; 0: polygons only */
-    float low, high;        /* range of slab coordinates whose polygons belong to this chunk */
-    float *total;           /* of all sweeps so far */
+    int slab_count;         /* 0: polygons only */
+    float low, high;        /* slab coordinates of the chunk's polygons */
+    float *total;           /* sum of all sweeps */
     spsi_region region;
 } spsi_run;
 
-/* The optical depth so far of the pixels of a tile of the image. */
 static const float *spsi_tile_depth(const spsi_run *run, int x0, int y0) {
     const spsi_shader *shader = &run->shader;
     return shader->depth + (size_t)(y0 - shader->y_origin) * (size_t)shader->pitch + (size_t)(x0 - shader->x_origin);
 }
 
-/* The patches of a tile of the image whose rays have not all ended. */
+/* Patches with unfinished rays. */
 static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
     const spsi_shader *shader = &run->shader;
     return spsi_patches_unfinished(spsi_tile_depth(run, x0, y0), (size_t)shader->pitch,
@@ -24924,8 +24922,7 @@ static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
                                    spsi_imin(SPSI_TILE_HEIGHT, shader->eye->height - y0), shader->end_depth);
 }
 
-/* Cuts a tile's sections at polygons, where any may lie in the chunk or nearer to the eye, and at the near plane, where
-   there is one. */
+/* Clips a tile's sections at the near plane, and at polygons in the chunk or nearer to the eye. */
 static void spsi_tile_limit(const spsi_run *run, int index, spsi_tile *tile) {
     const spsi_rays *eye = &run->shader.frame->content->eye;
     const float *range = run->region.polygon_range[index];
@@ -24948,7 +24945,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     const float *range = region->polygon_range[index];
     const int polygons = range[0] < run->high && range[1] >= run->low;
     const spsi_lights *lights = &run->shader.frame->lights;
-    int points = 1; /* and those of all lights */
+    int points = 1; /* plus points of all lights */
     for (int i = 0; i < lights->count; ++i) points += lights->list[i].extent.exists ? lights->list[i].point_count : 1;
     const int tick_rows = spsi_imax(8 * SPSI_TILE_HEIGHT / points, 1); /* a few milliseconds' work */
     uint64_t shaded = 0;
@@ -24980,7 +24977,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!run->shader.sweep->back_to_front) region->open[index] = spsi_tile_open(run, x0, y0);
 }
 
-/* Widens a range of slab coordinates to the layers of a vector of pixels. */
+/* Widens a slab range to layers of polygons. */
 static void spsi_layers_range(const spsi_shader *shader, const spsi_pixels *p, int width, float *low, float *high) {
     spsi_pending ahead;
     if (!spsi_pixels_layered(shader, p->line.x, p->line.y, width)) return;
@@ -24999,7 +24996,7 @@ static void spsi_layers_range(const spsi_shader *shader, const spsi_pixels *p, i
     }
 }
 
-/* The range of slab coordinates of the polygons in a tile, and their minimum depth. Opens all patches of the tile. */
+/* Slab range and least depth of a tile's polygons. Opens all patches. */
 static void spsi_polygon_range_task(void *data, int index) {
     spsi_run *run = (spsi_run *)data;
     spsi_region *region = &run->region;
@@ -25033,7 +25030,7 @@ static void spsi_polygon_range_task(void *data, int index) {
 
 /* --- setting up a sweep --- */
 
-/* Begins the shadow of the sweep's own lamp. */
+/* Begins the shadow of the sweep's light. */
 SPSI_COLD sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
     const spsi_shader *shader = &run->shader;
     run->has_sliced = shader->sweep->light && !shader->again.measures && spsi_holds_gas(context, shader->frame);
@@ -25046,7 +25043,7 @@ SPSI_COLD sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
     return spsi_sliced_begin(context, shader->frame, shader->sweep, shader->faces, &run->contents, &run->sliced);
 }
 
-/* Lays out gas and light of a sweep from back to front. What was measured of all gas stays from the pass before. */
+/* Lays out planes of a back-to-front sweep. The measured `whole` stays from the pass before. */
 SPSI_COLD void spsi_run_again(const spsi_frame *frame, size_t pixels, float *memory, spsi_multiple *again) {
     const size_t channels = (size_t)frame->channels;
     again->whole = memory;
@@ -25055,7 +25052,7 @@ SPSI_COLD void spsi_run_again(const spsi_frame *frame, size_t pixels, float *mem
     memset(again->gas, 0, (2 + channels - !again->measures) * pixels * sizeof(float));
 }
 
-/* Lays out the region's tiles, and the planes of their pixels: optical depth, radiance, and distance if wanted. */
+/* Planes: optical depth, radiance and, if wanted, distance. */
 SPSI_COLD sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     spsi_region *region = &run->region;
     spsi_shader *shader = &run->shader;
@@ -25083,7 +25080,7 @@ SPSI_COLD sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     for (int c = 0; c < 3; ++c) shader->radiance[c] = memory + pixels * (size_t)(1 + (c < frame->channels ? c : 0));
     shader->distance = frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
     for (int y = 0; y < region->rows * SPSI_TILE_HEIGHT && spsi_subslab_count(frame) > 1; ++y)
-        for (int x = 0; x < shader->pitch; ++x) /* other sweeps serve what is outside of this one's part */
+        for (int x = 0; x < shader->pitch; ++x) /* other sweeps render the outside */
             if (shader->x_origin + x < part[0] || shader->x_origin + x >= part[2] || shader->y_origin + y < part[1] ||
                 shader->y_origin + y >= part[3])
                 shader->depth[(size_t)y * (size_t)shader->pitch + (size_t)x] = SPSI_DEPTH_MAX;
@@ -25091,7 +25088,6 @@ SPSI_COLD sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     return SPS_OK;
 }
 
-/* Reserves the workers' scratch memory and clears their counters. */
 SPSI_COLD sps_result spsi_run_scratch(sps_context *context, spsi_run *run) {
     run->samples = (spsi_sample *)spsi_vectors_reserve(
         context, SPSI_BUFFER_SAMPLES, spsi_scratch_samples(run->shader.frame), sizeof *run->samples);
@@ -25102,20 +25098,19 @@ SPSI_COLD sps_result spsi_run_scratch(sps_context *context, spsi_run *run) {
     return run->samples && run->arrivals ? SPS_OK : context->result;
 }
 
-/* Reserves a run, with the workers' counters behind it. */
+/* The workers' counters follow the run. */
 static spsi_run *spsi_run_reserve(sps_context *context) {
     const size_t counters = (size_t)spsi_worker_count(context) * sizeof(uint64_t);
     return (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, sizeof(spsi_run) + counters);
 }
 
-/* Number of tiles whose rays have all ended. */
+/* Number of finished tiles. */
 static int spsi_region_ended(const spsi_region *region) {
     int ended = 0;
     for (int i = 0; i < region->columns * region->rows; ++i) ended += region->open[i] == 0;
     return ended;
 }
 
-/* Fills the run for one sweep. */
 SPSI_COLD sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                     const spsi_visible *visible, const spsi_sweep *sweep, spsi_run *run) {
     spsi_shader *shader = &run->shader;
@@ -25149,15 +25144,15 @@ SPSI_COLD sps_result spsi_run_build(sps_context *context, const spsi_frame *fram
     return SPS_OK;
 }
 
-/* --- running it --- */
+/* --- running --- */
 
-/* Composites the polygons in a range of slabs that holds neither voxels nor particles. */
+/* Composites polygons where there is no medium. */
 SPSI_COLD void spsi_run_polygons(spsi_run *run, float low, float high) {
     if (!run->shader.hits || run->shader.again.measures || !(low < high)) return;
     run->slab_count = 0;
     run->low = low;
     run->high = high;
-    if (run->has_sliced && run->sliced.is_soft) /* past the chunk: all planes hold the optical depth so far */
+    if (run->has_sliced && run->sliced.is_soft) /* past the chunk: all planes contain the depth so far */
         spsi_penumbra_cross(run->context, &run->sliced.penumbra);
     else if (run->has_sliced)
         spsi_parallel_items(run->context, run->sliced.planes.tiles_x * run->sliced.planes.tiles_y, spsi_planes_level,
@@ -25165,7 +25160,6 @@ SPSI_COLD void spsi_run_polygons(spsi_run *run, float low, float high) {
     spsi_parallel_ordered(run->context, &run->region.turns, spsi_eye_task, run);
 }
 
-/* Splats and composites the current chunk. */
 SPSI_COLD void spsi_run_chunk(spsi_run *run) {
     sps_context *context = run->context;
     run->shader.first_slab = run->contents.first_slab;
@@ -25177,7 +25171,6 @@ SPSI_COLD void spsi_run_chunk(spsi_run *run) {
     spsi_parallel_ordered(context, &run->region.turns, spsi_eye_task, run);
 }
 
-/* Adds the workers' counts and the tiles' flags to the statistics. */
 SPSI_COLD void spsi_run_count(spsi_run *run) {
     sps_stats_report *stats = &run->context->stats;
     for (int i = 0; i < spsi_worker_count(run->context); ++i) {
@@ -25219,17 +25212,16 @@ SPSI_COLD sps_result spsi_run_sweep(spsi_run *run, const spsi_call_stage *part) 
 }
 
 /* =============================================================================================== >>budget
-   34 What a budget buys. There are three ladders of settings: of gas, of the points of lights with an extent, and of
-   cells. For each combination, time is the work of each stage, counted in pixels, slabs, texels, points and cells,
-   times the rate at which the context last did such work on that rung, or on the nearest one that it knows; until
-   then, start values. No setting is expected to take less time than a coarser one, unless something of it is held, or
-   volumes were splatted in the coarser one's thick slabs. Error is twice the worst that a list of scenes has on each
-   rung, by what the scene has, added by squares; tests/budget.c prints both tables (make budget-fit). Cost: lights are
-   aimed and slabs placed for each rung of gas and of points. */
+   34 Choosing settings within a budget, from three ladders of presets: medium, points of area lights, and cells. Time
+   is each stage's work, in pixels, slabs, texels, points and cells, times the context's last rate on that preset. If
+   unknown, the nearest known preset or a start value serves. Finer settings never count as faster, unless parts are
+   cached, or the coarser one splatted volumes in thick slabs. Error is twice the worst of a list of scenes per preset,
+   added by squares. tests/budget.c prints both tables (make budget-fit). Cost: aiming lights and placing slabs per
+   preset of medium and points. */
 
-/* --- the ladders --- */
+/* --- presets --- */
 
-/* A rung of gas: slabs in voxels, 0: as quality has them. */
+/* Medium preset: slabs in voxels, 0: set by quality. */
 typedef struct spsi_preset {
     sps_quality quality;
     double slab_thickness;
@@ -25243,14 +25235,14 @@ static const spsi_preset spsi_presets[SPSI_PRESETS] = {{SPS_QUALITY_DRAFT, 8, 0.
 static const int spsi_point_presets[SPSI_POINT_PRESETS] = {4, 16, 64, 256};
 static const int spsi_cell_presets[SPSI_CELL_PRESETS] = {24, 48, 96, 192};
 
-/* Classified volumes have no use for thick slabs, nor tolerances: their lowest rungs are one. */
+/* Classified volumes gain nothing from thick slabs or tolerances: their lowest presets are equal. */
 static spsi_preset spsi_preset_of(const spsi_frame *frame, int rung) {
     spsi_preset preset = spsi_presets[rung];
     if (frame->matter.classifies) preset.slab_thickness = 0, preset.tolerance = 0;
     return preset;
 }
 
-/* Whether a budget chooses the number of a light's points. */
+/* True if a budget chooses the light's number of points. */
 SPSI_COLD int spsi_light_is_open(const spsi_light *light) { return light->extent.exists && light->samples == 0; }
 
 SPSI_COLD int spsi_lights_are_open(const spsi_frame *frame) {
@@ -25259,7 +25251,7 @@ SPSI_COLD int spsi_lights_are_open(const spsi_frame *frame) {
     return 0;
 }
 
-/* Applies a setting to the frame. Lights' choices between sheets and tables are open then. */
+/* Lights choose again between sheets and tables. */
 SPSI_COLD sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, const spsi_setting *setting) {
     const spsi_preset preset = spsi_preset_of(frame, setting->gas);
     spsi_lights *lights = &frame->lights;
@@ -25276,9 +25268,9 @@ SPSI_COLD sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame,
     return spsi_resolve_points(context, frame);
 }
 
-/* --- what a setting costs --- */
+/* --- cost of a setting --- */
 
-/* Number of the region's pixels in the box of what gas looks like; all of them where gas is beside the eye. */
+/* Pixels of the region in the medium's box; all if it reaches behind the eye. */
 SPSI_COLD double spsi_covered_pixels(const spsi_frame *frame) {
     const int *region = frame->view.region;
     double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL}, area = 1;
@@ -25295,8 +25287,7 @@ SPSI_COLD double spsi_covered_pixels(const spsi_frame *frame) {
     return area;
 }
 
-/* Places a sweep of a frame whose lights have chosen. Returns the number of its slabs; 0 if there is nothing to cut,
-   infinity if rendering would refuse it. */
+/* Returns the number of slabs; 0: nothing to cut; infinity: rendering would refuse it. */
 SPSI_COLD double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *sweep) {
     const double edge = spsi_sweep_begin(frame, n, 0, sweep);
     double count;
@@ -25306,8 +25297,8 @@ SPSI_COLD double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *swe
     return count <= SPSI_SLABS_MAX ? count : HUGE_VAL;
 }
 
-#define SPSI_POINT_TEXEL_UNITS 0.25 /* what a point of a penumbra adds to a texel of a slab */
-#define SPSI_POINT_PIXEL_UNITS 7    /* and to a pixel of polygons, in pixels of slabs */
+#define SPSI_POINT_TEXEL_UNITS 0.25 /* per penumbra point and texel of a slab */
+#define SPSI_POINT_PIXEL_UNITS 7    /* per point and pixel of polygons, in pixels of slabs */
 
 SPSI_COLD void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3], covered = spsi_covered_pixels(frame);
@@ -25325,7 +25316,7 @@ SPSI_COLD void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
     }
 }
 
-/* Whether a light's table is held from an earlier call; `gas` is the fingerprint of the gas. */
+/* True if a light's table is cached. `gas`: fingerprint of the medium. */
 SPSI_COLD int spsi_table_is_held(sps_context *context, const spsi_frame *frame, const spsi_light *light, uint64_t gas) {
     const sps_tmap *held = (const sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     sps_tmap map;
@@ -25337,11 +25328,11 @@ SPSI_COLD int spsi_table_is_held(sps_context *context, const spsi_frame *frame, 
     return 0;
 }
 
-/* Tables and maps, except for those by which cells are lit, which are made with these. */
+/* The cells' own maps count as cells. */
 SPSI_COLD void spsi_work_add_maps(sps_context *context, const spsi_frame *frame, uint64_t gas, spsi_work *work) {
     for (int i = 0; i < frame->lights.count; ++i) {
         const spsi_light *light = &frame->lights.list[i];
-        const int is_empty = spsi_bounds_empty(spsi_light_bounds(frame, light)); /* volumes hold nothing */
+        const int is_empty = spsi_bounds_empty(spsi_light_bounds(frame, light)); /* volumes are empty */
         size_t side;
         if (!light->has_map || spsi_scatters_fully(frame) || (is_empty && frame->particles.set_count == 0)) continue;
         if (!is_empty && spsi_table_is_held(context, frame, light, gas)) {
@@ -25353,7 +25344,7 @@ SPSI_COLD void spsi_work_add_maps(sps_context *context, const spsi_frame *frame,
     }
 }
 
-/* The cells of a grid about all gas, with what polygons add to each; 0 if light is not followed from cell to cell. */
+/* Cells of all channels, doubled by polygons; 0 without multiple scattering. */
 SPSI_COLD double spsi_work_cells(const spsi_frame *frame) {
     spsi_cell_grid grid;
     if (!spsi_scatters_fully(frame) && !spsi_scatters_aside(frame)) return 0;
@@ -25361,12 +25352,12 @@ SPSI_COLD double spsi_work_cells(const spsi_frame *frame) {
     return (double)frame->channels * grid.size[0] * grid.size[1] * grid.size[2] * (frame->meshes.count > 0 ? 2 : 1);
 }
 
-/* Work of a stage that runs, however little it has to do: some tenths of a millisecond, by frames of one pixel. */
+/* Overhead of a stage: some tenths of a millisecond, from frames of one pixel. */
 static const double spsi_fixed_units[SPSI_STAGE_COUNT] = {1e4, 1e4, 5e3, 3e4, 100, 100, 3e4, 1e4};
 
-#define SPSI_DEPTH_TEXEL_UNITS 0.15 /* that a texel of a depth map takes of what a pixel does */
+#define SPSI_DEPTH_TEXEL_UNITS 0.15 /* depth map texel, in pixels */
 
-/* Pixels, shadow rays from them and, if there is gas, the depth maps by which polygons shade it. */
+/* Pixels, shadow rays and, with a medium, depth maps. */
 SPSI_COLD void spsi_work_add_surfaces(const spsi_frame *frame, spsi_work *work) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     double *units = &work->units[SPSI_STAGE_SURFACES];
@@ -25384,8 +25375,7 @@ SPSI_COLD void spsi_work_add_surfaces(const spsi_frame *frame, spsi_work *work) 
     }
 }
 
-/* Counts the work of a frame that has a setting, and whose voxels are read or planned: `voxels` of them. Cells, whose
-   number is chosen apart, and reading are not counted. */
+/* Excludes reading, and cells, which are chosen separately. `voxels`: read or planned. */
 SPSI_COLD void spsi_work_count(sps_context *context, spsi_frame *frame, double voxels, uint64_t gas, spsi_work *work) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     memset(work, 0, sizeof *work);
@@ -25400,46 +25390,44 @@ SPSI_COLD void spsi_work_count(sps_context *context, spsi_frame *frame, double v
         if (work->units[stage] > 0) work->units[stage] += spsi_fixed_units[stage];
 }
 
-/* Seconds per unit and worker until the context has its own, by rung of the stage's ladder. */
+/* Seconds per unit and worker until measured, by preset. */
 static const double spsi_start_rates[SPSI_STAGE_COUNT][SPSI_PRESETS] = {
     {40e-9, 40e-9, 40e-9, 40e-9, 40e-9, 40e-9, 40e-9},     {22e-9, 22e-9, 22e-9, 26e-9, 40e-9, 40e-9, 33e-9},
     {21e-9, 19e-9, 21e-9, 39e-9, 58e-9, 59e-9, 71e-9},     {20e-9, 11e-9, 8.2e-9, 4.4e-9, 3.5e-9, 3.5e-9, 4.7e-9},
     {2900e-9, 1300e-9, 1200e-9, 2300e-9, 0, 0, 0},         {40e-9, 40e-9, 40e-9, 40e-9, 0, 0, 0},
     {16e-9, 8.8e-9, 6.4e-9, 6.6e-9, 8.9e-9, 13e-9, 12e-9}, {5e-9, 5e-9, 5e-9, 5e-9, 5e-9, 5e-9, 5e-9}};
 
-/* The rung on which a stage stands. */
 SPSI_COLD int spsi_stage_preset(spsi_stage stage, const spsi_setting *setting) {
     return stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD ? setting->cells : setting->gas;
 }
 
-/* The rate of a stage: the context's own or, from the nearest rung that has one, in the proportion of start values. */
+/* The context's rate, or the nearest known one in proportion to start values. */
 SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const spsi_setting *setting) {
     const double *known = context->pace.rates[stage], *start = spsi_start_rates[stage];
     const int preset = spsi_stage_preset(stage, setting), cells = stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD;
-    for (int away = 0; away < SPSI_PRESETS; ++away) /* of two that are as near, the coarser one */
+    for (int away = 0; away < SPSI_PRESETS; ++away) /* the coarser one first */
         for (int sign = -1; sign <= 1; sign += 2) {
             const int at = preset + sign * away;
             if (at < 0 || at >= SPSI_PRESETS || !(known[at] > 0)) continue;
-            /* that of thick slabs which were splatted says nothing of others */
+            /* splatted thick slabs tell nothing about others */
             if (away == 0 || cells || !context->pace.splats[at]) return known[at] * (start[preset] / start[at]);
         }
     return start[preset] / spsi_worker_count(context);
 }
 
-/* --- how far it is off --- */
+/* --- expected error --- */
 
-/* Twice the worst root mean square error, relative to the mean, in the list of scenes and in a puff of 25 voxels, had
-   gas filled the picture; three times for the thickest slabs, in which a lamp's surroundings vary most. The finest
-   rungs show what voxels do not resolve, too. */
+/* Twice the worst root mean square error relative to the mean, if the medium filled the image. It is measured in the
+   scenes and a puff of 25 voxels. The thickest slabs count three times: they vary most around a light. The finest
+   presets include detail that voxels do not resolve. */
 static const double spsi_gas_errors[2][SPSI_PRESETS] = {{0.4, 0.2, 0.055, 0.02, 0.006, 0.004, 0.0035},
                                                         {0.14, 0.14, 0.14, 0.07, 0.036, 0.029, 0.028}};
-/* The same of balls that scatter light which has shadows, per optical depth along their diameters. */
+/* Errors of spheres in shadowed light, per optical depth of their diameters. */
 static const double spsi_sphere_errors[SPSI_PRESETS] = {5, 3.1, 1.7, 0.83, 0.26, 0.26, 0.097};
 static const double spsi_point_errors[SPSI_POINT_PRESETS] = {0.31, 0.11, 0.038, 0.014};
 static const double spsi_cell_errors[SPSI_CELL_PRESETS] = {0.28, 0.13, 0.065, 0.043};
 
-/* What the points of a light are off by: their number is on a rung, or above one. Below the lowest, error is as their
-   distance. */
+/* Error of a light's points. Below the lowest preset, it scales with their distance. */
 SPSI_COLD double spsi_light_error(const spsi_light *light, const spsi_setting *setting) {
     int at = 0;
     if (!light->extent.exists || !light->shadows) return 0;
@@ -25448,8 +25436,8 @@ SPSI_COLD double spsi_light_error(const spsi_light *light, const spsi_setting *s
     return spsi_point_errors[at] * spsi_dmax(1, sqrt((double)spsi_point_presets[0] / light->samples));
 }
 
-/* Mean optical depth along the diameters of the particles that scatter light, by the light that each takes: what meets
-   its disc, or its depth's share of that. 0 before they are read. */
+/* Mean optical depth along diameters of scattering particles, weighted by the light each receives: its disc, or less if
+   thin. 0 before they are read. */
 SPSI_COLD double spsi_spheres_depth(const spsi_frame *frame) {
     double sum = 0, weights = 0;
     for (int i = 0, n = 0; i < frame->particles.set_count && frame->content->particle_count > 0; ++i) {
@@ -25465,9 +25453,8 @@ SPSI_COLD double spsi_spheres_depth(const spsi_frame *frame) {
     return weights > 0 ? sum / weights : 0;
 }
 
-/* Before black, gas that covers a share c of the pixels, and is off by e of its own mean, is off by e sqrt(c) in the
-   picture, whose mean is c times as much: by e / sqrt(c). Gas that is out of sight may still shade polygons. `balls`:
-   depth of particles that scatter light. */
+/* Before black, medium with relative error e, covering a fraction c of the pixels, has error e / sqrt(c) in the image.
+   Invisible medium may still shade polygons. `spheres`: depth of scattering particles. */
 SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting *setting, double spheres) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     const double covered = spsi_dmin(spsi_covered_pixels(frame), pixels);
@@ -25475,7 +25462,7 @@ SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting
     const int again = spsi_scatters_fully(frame) || spsi_scatters_aside(frame);
     const double cells = again ? spsi_cell_errors[setting->cells] : 0;
     const double sphere = frame->lights.shadow_count > 0 ? spsi_sphere_errors[setting->gas] * spheres : 0;
-    double gas = 0, points = 0, most = 0; /* depth of a voxel: puffs of 0.5 to 3.2 err 1.1 to 3.2 times the table's */
+    double gas = 0, points = 0, most = 0; /* voxel depth: puffs of 0.5 to 3.2 err 1.1 to 3.2 times the table's */
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
         if (!material->table)
@@ -25492,11 +25479,10 @@ SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting
 
 enum { SPSI_CANDIDATES = SPSI_PRESETS * SPSI_POINT_PRESETS * SPSI_CELL_PRESETS };
 
-/* What is expected of a setting. */
 typedef struct spsi_candidate {
-    int exists;   /* rendering would not refuse it */
-    int is_known; /* 1: the context has rates of its own for all of its stages */
-    int is_held;  /* 1: less is to be done than for others, since something of it is held */
+    int exists;   /* rendering would accept it */
+    int is_known; /* 1: all rates are measured */
+    int is_held;  /* 1: cached data saves work */
     double seconds, error;
 } spsi_candidate;
 
@@ -25506,8 +25492,7 @@ SPSI_COLD spsi_setting spsi_candidate_setting(int n) {
     return setting;
 }
 
-/* Whether an offer is better than another: within the budget, by what the budget leaves open; else, the one that is
-   nearer to it. */
+/* Within the budget, the better open quantity wins; otherwise, the one nearer to the budget. */
 SPSI_COLD int spsi_candidate_beats(const sps_view *view, const spsi_candidate *a, const spsi_candidate *b) {
     const int timed = view->budget_seconds > 0;
     const double most = timed ? view->budget_seconds : view->budget_error;
@@ -25519,8 +25504,7 @@ SPSI_COLD int spsi_candidate_beats(const sps_view *view, const spsi_candidate *a
     return open[0] < open[1];
 }
 
-/* Counts cells, as those to follow light in or as those that hold the light which a setting of the frame calls for:
-   that of the frame which made it. */
+/* Counts cells as cached if a frame with this setting made the same light. */
 SPSI_COLD void spsi_work_count_cells(const sps_context *context, const spsi_frame *frame, const spsi_setting *setting,
                                      spsi_work *work) {
     const spsi_rates *pace = &context->pace;
@@ -25533,7 +25517,6 @@ SPSI_COLD void spsi_work_count_cells(const sps_context *context, const spsi_fram
     if (cells > 0) work->units[stage] = cells + spsi_fixed_units[stage];
 }
 
-/* Sets the seconds that are expected of a setting, and whether the rates of all stages are known. */
 static void spsi_candidate_time(const sps_context *context, const spsi_work *work, const spsi_setting *setting,
                                 spsi_candidate *candidate) {
     candidate->is_known = 1;
@@ -25541,12 +25524,12 @@ static void spsi_candidate_time(const sps_context *context, const spsi_work *wor
         const spsi_stage stage = (spsi_stage)n;
         if (!(work->units[n] > 0)) continue;
         candidate->seconds += work->units[n] * spsi_rate(context, stage, setting);
-        if (stage > SPSI_STAGE_PYRAMIDS) /* fields are alike at most rungs */
+        if (stage > SPSI_STAGE_PYRAMIDS) /* pyramids are alike on most presets */
             candidate->is_known &= context->pace.rates[n][spsi_stage_preset(stage, setting)] > 0;
     }
 }
 
-/* Offers of all numbers of cells of the frame's setting, from number `first` on. `work` has all but these. */
+/* Candidates for all cell presets, starting at `first`. `work` has everything else. */
 SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, double spent, double spheres,
                                     spsi_work *work, int first, spsi_candidate *candidates) {
     const spsi_setting *only = context->pace.only;
@@ -25565,7 +25548,7 @@ SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, dou
     }
 }
 
-/* The largest bound of offers one rung below, if `sign` is 1, or the least of those one above, if it is -1. */
+/* Largest bound one preset below if `sign` is 1, least bound above if -1. */
 SPSI_COLD double spsi_candidate_bound(const double *bounds, int n, int sign) {
     static const int strides[3] = {SPSI_POINT_PRESETS * SPSI_CELL_PRESETS, SPSI_CELL_PRESETS, 1};
     static const int sizes[3] = {SPSI_PRESETS, SPSI_POINT_PRESETS, SPSI_CELL_PRESETS};
@@ -25578,10 +25561,9 @@ SPSI_COLD double spsi_candidate_bound(const double *bounds, int n, int sign) {
     return bound;
 }
 
-/* Nothing that is finer takes less time, unless something of it is held: where the context knows the rates of one of
-   two settings, the other's time is bounded by that, and where it knows neither, the coarser one's by the finer
-   one's. Start values are of other scenes, in which work was shared out among stages otherwise. Thick slabs that were
-   splatted bound nothing, since that may take longer than to gather thinner ones. */
+/* Makes time rise with quality, except for cached parts. A measured setting bounds its unknown neighbours; among
+   unknown ones, the finer bounds the coarser. Start values come from scenes with another split between stages. Splatted
+   thick slabs bound nothing: gathering thinner ones may be faster. */
 SPSI_COLD void spsi_candidates_order(const spsi_rates *pace, spsi_candidate *candidates) {
     double bounds[SPSI_CANDIDATES];
     for (int n = 0; n < SPSI_CANDIDATES; ++n) {
@@ -25615,8 +25597,8 @@ SPSI_COLD void spsi_budget_report(const spsi_frame *frame, const spsi_candidate 
         spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? frame->view.scattering_resolution : 0;
 }
 
-/* Chooses a setting by the view's budget, and gives it to the frame. `spent`: seconds until now, or until all will have
-   been read. Where none can be rendered, the cheapest rungs are taken, and refused later. */
+/* `spent`: seconds until everything is read. If nothing can be rendered, the coarsest setting is chosen, and refused
+   later. */
 SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, double spent, double voxels,
                                         sps_budget_report *report) {
     const spsi_setting *only = context->pace.only;
@@ -25637,7 +25619,7 @@ SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame,
         spsi_cell_candidates(context, frame, spsi_dmax(spent, 0), spheres, &work, n, candidates); /* clocks may jump */
     }
     spsi_candidates_order(&context->pace, candidates);
-    for (int n = 1; n < SPSI_CANDIDATES; ++n) /* of those that are alike, the coarsest */
+    for (int n = 1; n < SPSI_CANDIDATES; ++n) /* the coarsest of equals */
         if (candidates[n].exists &&
             (!candidates[best].exists || spsi_candidate_beats(&frame->view, &candidates[n], &candidates[best])))
             best = n;
@@ -25652,13 +25634,13 @@ SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame,
     return SPS_OK;
 }
 
-/* The same for a frame that is about to be rendered. What cannot be met is said before. */
+/* Reports a missed budget before rendering. */
 SPSI_COLD sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
     const double spent = spsi_clock(context) - context->clock_start;
     sps_budget_report *report = &context->stats.budget;
     char text[SPSI_SENTENCE_SIZE / 2];
     if (spsi_budget_choose(context, frame, spent, (double)context->voxel_count, report)) return context->result;
-    if (report->is_met || !(report->seconds > 0)) return SPS_OK; /* or it is refused with its own reason */
+    if (report->is_met || !(report->seconds > 0)) return SPS_OK; /* or refused with its own reason */
     if (frame->view.budget_error > 0) {
         SPS_SNPRINTF(text, sizeof text, "the least that is expected here is %g", report->error);
         return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "budget_error",
@@ -25670,9 +25652,8 @@ SPSI_COLD sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
     return SPS_OK;
 }
 
-/* --- what the context learns --- */
+/* --- learning rates --- */
 
-/* Learns from a frame that had a budget and is finished. */
 SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
     static const spsi_stage makers[] = {SPSI_STAGE_CELLS, SPSI_STAGE_LIGHT, SPSI_STAGE_EYE};
     const sps_stats_report *stats = &context->stats;
@@ -25682,7 +25663,7 @@ SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
     pace->scattered = pace->counts && context->cells_held ? spsi_scattered_fingerprint(context, frame) : 0;
     pace->scattered_by = pace->setting;
     if (!pace->counts || !(total > 0)) return;
-    pace->splats[pace->setting.gas] = /* all volumes, in thick slabs of the eye or of lights */
+    pace->splats[pace->setting.gas] = /* all volumes, in thick slabs */
         frame->medium_count > 0 && spsi_preset_of(frame, pace->setting.gas).slab_thickness > 0 &&
         ((stats->eye_footprints > 0 && stats->eye_samples == 0) ||
          (stats->light_footprints > 0 && stats->light_samples == 0));
@@ -25693,7 +25674,7 @@ SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
     seconds[SPSI_STAGE_LIGHT] = stats->seconds_light;
     seconds[stats->cells > 0 ? SPSI_STAGE_CELLS : SPSI_STAGE_HELD] = stats->seconds_cells;
     seconds[SPSI_STAGE_EYE] = stats->seconds_eye + stats->seconds_bin;
-    for (int i = 0; i < 3; ++i) { /* fields were made in the time of one of these */
+    for (int i = 0; i < 3; ++i) { /* pyramids were built during one of these */
         if (seconds[makers[i]] < seconds[SPSI_STAGE_PYRAMIDS]) continue;
         seconds[makers[i]] -= seconds[SPSI_STAGE_PYRAMIDS];
         break;
@@ -26571,78 +26552,77 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
 #ifndef SPLATSHADOW_NO_REFERENCE
 
 /* ============================================================================================ >>reference
-   37 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
-   the midpoints of equal steps, a shadow ray at every sample, and triangles and balls intersected exactly through trees
-   of boxes, in double precision. It shares with the renderer how samples and surfaces respond to light (samples in
-   floats), and the tests of a ray with a triangle (>>polygons), but nothing else about where light goes. Second order
-   in the step. Rays are marched in rounds, each from one translucent triangle to the next, so that shade_fn can be
-   called for all pixels in between. Cost: pixels * samples per ray * (1 + lights * samples per shadow ray) * 343
-   voxels. */
+   37 Brute-force reference in double precision. f(p) is summed over all voxels within SPSI_REFERENCE_REACH and marched
+   at midpoints of equal steps, with a shadow ray per sample. Triangles and spheres are intersected exactly, through
+   trees of boxes. The renderer's response of samples (in floats) and surfaces to light, and its ray-triangle test
+   (>>polygons), are reused, but no other light transport. Second order in the step. Rays march in rounds between
+   translucent triangles, so that shade_fn can be called for all pixels in between. Cost: pixels * samples per ray * (1
+   + lights * samples per shadow ray) * 343 voxels. */
 
 #define SPSI_REFERENCE_REACH  3.25 /* voxels, 5 standard deviations: 2e-6 of the kernel's mass is beyond */
 #define SPSI_REFERENCE_TAPS   8
-#define SPSI_MARCH_SHARE      0.25 /* of a call's progress, if paths follow */
-#define SPSI_REFERENCE_POINTS 64   /* of an extended light at each place */
-#define SPSI_MARCH_ROUNDING   1e-6 /* relative, of bounds: colors are floats, and so are bounds */
+#define SPSI_MARCH_SHARE      0.25 /* part of a call's progress, if paths follow */
+#define SPSI_REFERENCE_POINTS 64   /* per area light and place */
+#define SPSI_MARCH_ROUNDING   1e-6 /* relative: colors and bounds are floats */
 
 typedef struct spsi_dense {
     float *values;
-    float *most;          /* per brick: maximum value of it and its neighbours */
-    float *bound;         /* per brick: upper bound of the extinction that goes with it; for paths only */
-    double all_most;      /* maximum value; for bounds only */
-    int size[3];          /* in voxels */
-    int bricks[3];        /* size in bricks */
+    float *most;          /* per brick: maximum of it and its neighbours */
+    float *bound;         /* per brick: upper bound of extinction, for paths */
+    double all_most;      /* maximum value, for bounds */
+    int size[3];          /* voxels */
+    int bricks[3];
     double inverse[3][3]; /* rows; world offset from the corner to voxels */
-    double corner[3];     /* in the world */
+    double corner[3];
 } spsi_dense;
 
 typedef struct spsi_enclosure {
     double low, high;
 } spsi_enclosure;
 
-/* The ray of a pixel, on its way from one translucent face to the next. Without bounds, low and high are equal. */
+/* A pixel's ray between translucent faces. Without bounds, low and high are equal. */
 typedef struct spsi_walker {
-    spsi_enclosure colors[3];      /* sums over the samples that have ended */
+    spsi_enclosure colors[3];      /* sums over finished samples */
     double coverage, distance_sum; /* likewise: distance weighted by coverage */
-    double paths[3], squares[3];   /* sums over the pixel's paths: their radiance, and its square */
-    spsi_enclosure radiance[3];    /* of what lies before `low` */
-    spsi_enclosure scattered[3];   /* by gas there, or emitted: with bounds, where it is not in `radiance` */
-    double source[3];              /* radiance of that gas, were it opaque, at most */
-    double filter[3];              /* share of each color that passes its polygons */
-    spsi_enclosure gas;            /* optical depth of its gas */
-    double distance;               /* weighted by what is taken from the ray */
-    double low, high;              /* the part of the ray before the next face, in world length */
-    double depth;                  /* of the next face: t - depth_reference; where the part begins if there is none */
-    spsi_hit hit;                  /* of the next face */
-    int ended;                     /* 1: nothing more is seen */
+    double paths[3], squares[3];   /* sums over paths: radiance, and its square */
+    spsi_enclosure radiance[3];    /* light from before `low` */
+    spsi_enclosure scattered[3];   /* medium's light there, if bounded; otherwise in `radiance` */
+    double source[3];              /* greatest radiance of that medium, were it opaque */
+    double filter[3];              /* transmittance of its polygons */
+    spsi_enclosure gas;            /* optical depth of its medium */
+    double distance;               /* weighted by absorption */
+    double low, high;              /* part before the next face, in world length */
+    double depth;                  /* next face's t - depth_reference; infinity: none */
+    spsi_hit hit;                  /* next face */
+    int ended;                     /* 1: nothing more is visible */
 } spsi_walker;
 
 typedef struct spsi_marcher {
     const spsi_frame *frame;
     const spsi_faces *faces;
-    spsi_dense grids[SPSI_VOLUMES_MAX]; /* one for each volume */
-    spsi_tree particles;                /* of all sets */
-    int part_count;                     /* number of volumes and sets of particles; parts are in this order */
+    spsi_dense grids[SPSI_VOLUMES_MAX]; /* one per volume */
+    spsi_tree particles;                /* all sets */
+    int part_count;                     /* volumes, then sets of particles */
     const sps_reference_settings *settings;
-    int forward;          /* 1: light scatters forward more than once, in closed form */
-    double step;          /* maximum, in world length */
-    spsi_bounds bounds;   /* of all gas */
-    int light_count;      /* for bounds: lights that volumes scatter */
+    int forward;          /* 1: forward multiple scattering, in closed form */
+    double step;          /* most, in world length */
+    spsi_bounds bounds;   /* all medium */
+    int light_count;      /* bounds: lights that volumes scatter */
     float *total;         /* the region's pixels, spsi_total_floats each */
-    int first_row;        /* of the current batch, in the region */
-    spsi_walker *walkers; /* of the region's pixels */
-    int side;             /* number of samples along a pixel's side */
-    int sample;           /* number of the current one */
-    int from, to;         /* numbers of the current paths */
-    /* What is done at a pixel: follows its ray up to the next face, or its paths. */
+    int first_row;        /* of the batch, in the region */
+    spsi_walker *walkers; /* one per pixel of the region */
+    int side;             /* samples along a pixel's side */
+    int sample;           /* current one */
+    int from, to;         /* current paths */
+    /* Work at a pixel: its ray up to the next face, or its paths. */
     void (*pixel)(const struct spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker);
-    spsi_hit *hits;       /* of the whole image, for shade_fn; NULL: no mesh has one */
-    spsi_visible visible; /* those hits, and what shade_fn has set there */
-    spsi_sample *samples; /* one per part, per worker */
-    const double *glow;   /* for paths: emission of rows of voxels, then of particles, each added to those before it */
+    spsi_hit *hits;       /* whole image, for shade_fn; NULL: not needed */
+    spsi_visible visible; /* the hits, with shade_fn's results */
+    spsi_sample *samples; /* per part and worker */
+    const double *glow;   /* for paths: cumulative emission of rows of voxels, then of particles */
     size_t glow_count;
-    double glow_sum; /* of all of it; 0: nothing emits */
-    /* Follows a ray through a step, halved `halvings` times already. Returns 0 if nothing behind it matters. */
+    double glow_sum; /* total; 0: nothing emits */
+    /* Follows a step halved `halvings` times. Returns 0 if the rest is hidden. */
     int (*follow)(const struct spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
                   spsi_walker *walker);
     spsi_enclosure (*shade)(const struct spsi_marcher *marcher, const spsi_light *light, const double point[3]);
@@ -26666,8 +26646,8 @@ SPSI_COLD spsi_enclosure spsi_enclosure_transmittance(spsi_enclosure depth) {
 
 /* --- the field --- */
 
-/* Weights of `count` taps, of which the first is `d` standard deviations before a place, and their derivatives by it,
-   unless `slopes` is NULL. From tap to tap the Gaussian changes by a factor, which itself changes by a constant one. */
+/* Gaussian taps, the first `d` standard deviations before a place. `slopes`: derivatives, or NULL. Neighbouring weights
+   have a ratio, which itself changes by a constant factor. */
 static void spsi_gauss_taps(double d, double scale, int count, double *weights, double *slopes) {
     const double step = 1 / SPSI_SIGMA, bend = exp(-step * step);
     double weight = scale / (sqrt(2 * SPSI_PI) * SPSI_SIGMA) * exp(-0.5 * d * d), change = exp(step * (d - 0.5 * step));
@@ -26679,7 +26659,7 @@ static void spsi_gauss_taps(double d, double scale, int count, double *weights, 
     }
 }
 
-/* Computes the weights of the taps around `at` along one axis, and their derivatives. Returns the first tap. */
+/* Returns the first tap. */
 static int spsi_field_taps(double at, int size, int *count, double *weights, double *slopes) {
     const int first = spsi_imax(0, (int)ceil(spsi_dmax(at - 0.5 - SPSI_REFERENCE_REACH, -1)));
     const int last = spsi_imin(size - 1, (int)floor(spsi_dmin(at - 0.5 + SPSI_REFERENCE_REACH, size)));
@@ -26689,7 +26669,7 @@ static int spsi_field_taps(double at, int size, int *count, double *weights, dou
     return first;
 }
 
-/* Whether no voxel near a place, in voxels, is above 0. `reach` is how far kernels count. */
+/* True if all voxels within `reach` are 0. */
 static int spsi_dense_empty(const spsi_dense *grid, const double at[3], double reach) {
     int index = 0;
     for (int i = 2; i >= 0; --i) {
@@ -26700,8 +26680,8 @@ static int spsi_dense_empty(const spsi_dense *grid, const double at[3], double r
     return !(grid->most[index] > 0);
 }
 
-/* f at a world point, and its gradient in the world unless `gradient` is NULL. Rows are added up before they are
-   weighted along x, as sums that do not wait for each other. */
+/* f at a world point; `gradient`: in the world, or NULL. Rows are summed before weighting along x, since independent
+   sums are faster. */
 static double spsi_field(const spsi_dense *grid, const double point[3], double gradient[3]) {
     double offset[3], at[3], w[3][SPSI_REFERENCE_TAPS], s[3][SPSI_REFERENCE_TAPS], sum = 0, g[3] = {0, 0, 0};
     double row[SPSI_REFERENCE_TAPS] = {0}, by_y[SPSI_REFERENCE_TAPS] = {0}, by_z[SPSI_REFERENCE_TAPS] = {0};
@@ -26735,15 +26715,15 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double g
     return sum;
 }
 
-/* A ray's chord through a ball, on which s runs from -1 to 1. Optical depth up to s is that of the whole chord times a
-   function of s: s / 2 for density 1, and 3 s / 4 - s^3 / 4 for density 1 - (r / radius)^2. */
+/* Chord through a sphere, on which s runs from -1 to 1. Its optical depth is multiplied by s / 2 for density 1, and 3 s
+   / 4 - s^3 / 4 for density 1 - (r / radius)^2. */
 typedef struct spsi_ray_chord {
-    double depth;        /* of the whole chord */
-    double middle, half; /* where s is 0, and its half length */
-    double at[2];        /* the function at the ends of the ray's segment */
+    double depth;        /* whole chord */
+    double middle, half; /* position of s = 0; half length */
+    double at[2];        /* that function at the segment's ends */
 } spsi_ray_chord;
 
-/* Returns 0 if the ray's line does not meet the ball. */
+/* Returns 0 if the ray's line misses the sphere. */
 static int spsi_ray_chord_in_sphere(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set,
                                     spsi_ray_chord *chord) {
     const double radius = (double)particle->radius;
@@ -26762,7 +26742,7 @@ static int spsi_ray_chord_in_sphere(const spsi_ray *ray, const sps_particle *par
     return 1;
 }
 
-/* Optical depth of all particles along a segment of a ray, and of each set of them. */
+/* Sum over all particles on a segment; `depths`: per set. */
 static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
     const spsi_frame *frame = marcher->frame;
     double sum = 0;
@@ -26780,7 +26760,7 @@ static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *
     return sum;
 }
 
-/* The ray of a pixel, from the near plane on. Returns its length per unit of t. */
+/* Starts at the near plane. Returns the length per unit of t. */
 static double spsi_march_ray(const spsi_rays *eye, int x, int y, spsi_ray *ray) {
     spsi_ray_point(eye, x, y, 0, ray->origin);
     spsi_ray_direction(eye, x, y, ray->direction);
@@ -26791,9 +26771,8 @@ static double spsi_march_ray(const spsi_rays *eye, int x, int y, spsi_ray *ray) 
     return length;
 }
 
-/* Finds a face where a pixel's ray meets it, in the same way as the rasteriser does, but in double precision; returns
-   0 if it does not. Faces along a ray are in order of depth, or of their numbers where depths are equal: `after`
-   precedes what is found, which precedes `nearest`. */
+/* Intersects a face like the rasteriser, but in double precision. Faces are ordered by depth, then number. Returns 0
+   unless the hit lies between `after` and `nearest`. */
 static int spsi_march_face(const spsi_marcher *marcher, int number, int x, int y, const spsi_walker *after,
                            spsi_walker *nearest) {
     const spsi_rays *eye = &marcher->frame->content->eye;
@@ -26810,7 +26789,7 @@ static int spsi_march_face(const spsi_marcher *marcher, int number, int x, int y
     return 1;
 }
 
-/* Finds the next face that a pixel's ray meets. If there is none, the ray goes on for ever. */
+/* Without a next face, the ray is infinite. */
 static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walker *walker) {
     const spsi_rays *eye = &marcher->frame->content->eye;
     spsi_walker next = *walker;
@@ -26828,8 +26807,7 @@ static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walk
     *walker = next;
 }
 
-/* Share of a light's red, green and blue that polygons let pass to a point on face `own` (-1: on none). Returns 0 if
-   they let nothing pass. */
+/* Transmittance of polygons from a light to a point on face `own` (-1: none). Returns 0 if nothing passes. */
 static int spsi_march_visibility(const spsi_faces *faces, const spsi_light *light, const double point[3], int own,
                                  double passes[3]) {
     spsi_packet packet;
@@ -26863,14 +26841,14 @@ static const spsi_material *spsi_material_of(const spsi_frame *frame, int part) 
                                                       : frame->particles.sets[part - frame->medium_count].channel];
 }
 
-/* Clips a ray to the bounds of all gas. Returns the number of steps in what is left. */
+/* Clips a ray to the medium. Returns the number of steps. */
 SPSI_COLD int spsi_march_range(const spsi_marcher *marcher, const spsi_ray *ray, double range[2]) {
     if (marcher->part_count == 0) return 0;
     if (!spsi_ray_meets_box(ray, marcher->bounds.low, marcher->bounds.high, range) || !(range[1] > range[0])) return 0;
     return (int)spsi_dmin(spsi_dmax(ceil((range[1] - range[0]) / marcher->step), 1), 1e8);
 }
 
-/* The i-th of `count` steps of a ray's part. */
+/* Step i of `count`. */
 static spsi_ray spsi_march_part(const spsi_ray *ray, const double range[2], int i, int count) {
     const double h = (range[1] - range[0]) / count, middle = range[0] + (i + 0.5) * h;
     spsi_ray part = *ray;
@@ -26879,7 +26857,7 @@ static spsi_ray spsi_march_part(const spsi_ray *ray, const double range[2], int 
     return part;
 }
 
-/* The ray from a point to a light. Returns 0 if the light is there. */
+/* Returns 0 if the light is at the point. */
 static int spsi_light_ray(const spsi_light *light, const double point[3], spsi_ray *ray) {
     memcpy(ray->origin, point, sizeof ray->origin);
     spsi_toward_light(light, point, ray->direction);
@@ -26888,8 +26866,7 @@ static int spsi_light_ray(const spsi_light *light, const double point[3], spsi_r
     return spsi_normalise(ray->direction);
 }
 
-/* Extinction of one volume where its value is f. If it is classified and f > 0, `appearance` gets its color and
-   extinction. */
+/* If classified and f > 0, `appearance` gets color and extinction. */
 static double spsi_extinction_at(const spsi_material *material, double f, float appearance[4]) {
     spsi_v out[4];
     if (!material->table) return f * (double)material->extinction;
@@ -26899,7 +26876,7 @@ static double spsi_extinction_at(const spsi_material *material, double f, float 
     return (double)appearance[3];
 }
 
-/* Optical depth of all gas between a point and a light. */
+/* Optical depth between a point and a light. */
 static spsi_enclosure spsi_march_light(const spsi_marcher *marcher, const spsi_light *light, const double point[3]) {
     double range[2], depths[SPSI_SETS_MAX], depth;
     spsi_ray ray;
@@ -26920,7 +26897,7 @@ static spsi_enclosure spsi_march_light(const spsi_marcher *marcher, const spsi_l
     return spsi_enclosure_of(depth, depth);
 }
 
-/* Fills a sample with a volume's color at a point, and with the normal from the field's gradient. */
+/* Surfaces get their normal from the field's gradient. */
 static void spsi_march_sample(const spsi_material *material, const float appearance[4], const double gradient[3],
                               spsi_sample *sample) {
     double n[3] = {-gradient[0], -gradient[1], -gradient[2]};
@@ -26934,17 +26911,17 @@ static void spsi_march_sample(const spsi_material *material, const float appeara
     sample->has_normal = 1;
 }
 
-/* The gas on one step along a ray: volumes at its middle, particles averaged over all of it. */
+/* A step along a ray: volumes at its middle, particles averaged over it. */
 typedef struct spsi_point {
     double position[3];                    /* middle of the step, in the world */
-    double direction[3];                   /* of the eye's ray, of unit length */
-    double half;                           /* half of the step's length */
+    double direction[3];                   /* unit vector along the eye's ray */
+    double half;                           /* half length */
     double pixel;                          /* world size of a pixel there */
-    double value[SPSI_MATERIALS_MAX];      /* of each part; of particles, their extinction */
-    double extinction[SPSI_MATERIALS_MAX]; /* of each part */
-    double extinction_sum;                 /* of all parts */
+    double value[SPSI_MATERIALS_MAX];      /* per part; for particles, extinction */
+    double extinction[SPSI_MATERIALS_MAX]; /* per part */
+    double extinction_sum;
     double gas;                            /* optical depth from the eye */
-    double value_sum;                      /* of all parts; 0: there is nothing */
+    double value_sum;                      /* 0: empty */
     spsi_sample *samples;                  /* one per part */
 } spsi_point;
 
@@ -26955,7 +26932,7 @@ SPSI_COLD void spsi_point_take(spsi_point *point, int part, double value, double
     point->extinction_sum += extinction;
 }
 
-/* Samples the step from ray->low to ray->high of a ray whose direction has unit length. */
+/* The ray's direction has unit length. */
 static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_point *point) {
     const spsi_frame *frame = marcher->frame;
     double depths[SPSI_SETS_MAX], depth[3];
@@ -26984,14 +26961,13 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
     }
 }
 
-/* Number of points by which the reference samples a light at each place. */
 SPSI_COLD int spsi_reference_points(const spsi_light *light) {
     if (!light->extent.exists) return 1;
     return light->samples > 0 ? light->samples : SPSI_REFERENCE_POINTS;
 }
 
-/* The n-th of these points: a low-discrepancy sequence [Roberts 2018, R2] that starts elsewhere at every place, by a
-   hash of its bits, so that what the points miss is noise and averages out along a ray. */
+/* Low-discrepancy sequence [Roberts 2018, R2], shifted by a hash of the place. Its error is noise that averages out
+   along a ray. */
 static void spsi_reference_point(const spsi_light *light, const double place[3], int n, spsi_light *point) {
     const uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, place, 3 * sizeof *place);
     const double x = 0.75487766624669276 * (n + 1) + (double)(hash >> 40) / 16777216;
@@ -27005,7 +26981,7 @@ static void spsi_reference_point(const spsi_light *light, const double place[3],
         spsi_light_place(light, 2 * u - 1, 2 * v - 1, point);
 }
 
-/* The mean of 1 / r^2 over a step, computed as the renderer does over a part of a slab, but in double precision. */
+/* Mean of 1 / r^2 over a step, as the renderer computes it, but in double precision. */
 static double spsi_point_inverse_square(const spsi_point *point, const double from[3]) {
     double offset[3], foot[3], s, q, x, y;
     spsi_along(point->position, from, -1, offset);
@@ -27017,8 +26993,7 @@ static double spsi_point_inverse_square(const spsi_point *point, const double fr
     return y < 1e-6 * x ? 1 / x : atan2(y, x) / y;
 }
 
-/* Irradiance at a point in gas from one point of a light, past all polygons but through no gas. Returns 0 if there is
-   none. */
+/* Irradiance from one point of a light, past polygons but through no medium. Returns 0 if there is none. */
 static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *point, const spsi_light *light,
                               double travel[3], double arrives[3]) {
     double image[3] = {1, 1, 1}, passes[3] = {1, 1, 1}, irradiance = 1;
@@ -27033,7 +27008,7 @@ static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *poi
     return 1;
 }
 
-/* Share of a light's irradiance that a material sends along a ray towards the eye, by color. */
+/* Reflected or scattered fraction towards the eye, by color. */
 static void spsi_march_response(const spsi_material *material, const spsi_sample *sample, const double toward[3],
                                 const double travel[3], double response[3]) {
     spsi_v toward_v[3], travel_v[3], all[3];
@@ -27043,13 +27018,13 @@ static void spsi_march_response(const spsi_material *material, const spsi_sample
     for (int c = 0; c < 3; ++c) response[c] = (double)spsi_one(all[c]);
 }
 
-/* Radiance per unit of length that a point sends towards the eye. */
+/* Radiance per unit of length towards the eye. */
 typedef struct spsi_source {
-    double once[3];  /* before what lies between it and the eye */
-    double again[3]; /* scattered forward more than once: gas on the way to the eye is counted already */
+    double once[3];  /* not yet attenuated */
+    double again[3]; /* forward multiple scattering: attenuation is included */
 } spsi_source;
 
-/* The share of X that is shown at depth t, and the depth at which X is taken for it. */
+/* Fraction of X shown at depth t. `taken`: depth at which X is evaluated. */
 SPSI_COLD double spsi_forward_fade(double t, double *taken) {
     const double from = spsi_forward_depth(SPSI_FORWARD_SIZE - 2), end = (double)SPSI_FORWARD_END;
     *taken = spsi_dmin(t, from);
@@ -27057,8 +27032,8 @@ SPSI_COLD double spsi_forward_fade(double t, double *taken) {
     return spsi_dmin((4 / (t + 4) - 4 / (end + 4)) / (4 / (from + 4) - 4 / (end + 4)), 1); /* 1 - u = 4 / (t + 4) */
 }
 
-/* Light scattered forward more than once, from the series itself, per unit of a sample's optical depth and of
-   irradiance without gas. */
+/* Forward multiple scattering by the series itself, per unit of a sample's optical depth and of irradiance without
+   medium. */
 SPSI_COLD void spsi_march_forward(const spsi_material *material, const spsi_sample *sample, double cosine, double depth,
                                   double sent[3]) {
     float last = 0;
@@ -27079,7 +27054,6 @@ SPSI_COLD void spsi_march_forward(const spsi_material *material, const spsi_samp
     }
 }
 
-/* Adds the radiance per unit of length that all gas at a point scatters from one point of a light. */
 SPSI_COLD void spsi_point_add_light(const spsi_marcher *marcher, const spsi_point *point, const spsi_light *light,
                                     double weight, spsi_source *source) {
     double travel[3], arrives[3], response[3], depth = 0;
@@ -27098,7 +27072,7 @@ SPSI_COLD void spsi_point_add_light(const spsi_marcher *marcher, const spsi_poin
     }
 }
 
-/* Radiance per unit of length that all gas at a point sends along the ray, before any attenuation. */
+/* Before attenuation. */
 SPSI_COLD void spsi_point_source(const spsi_marcher *marcher, const spsi_point *point, spsi_source *source) {
     const spsi_frame *frame = marcher->frame;
     memset(source, 0, sizeof *source);
@@ -27106,7 +27080,7 @@ SPSI_COLD void spsi_point_source(const spsi_marcher *marcher, const spsi_point *
         const spsi_material *material = spsi_material_of(marcher->frame, m);
         for (int c = 0; c < 3; ++c) {
             const double albedo = (double)spsi_one(point->samples[m].color[c]);
-            if (marcher->settings->samples == 0) /* otherwise paths find it */
+            if (marcher->settings->samples == 0) /* otherwise paths add it */
                 source->once[c] += point->extinction[m] * albedo * (double)material->ambient[c];
             source->once[c] += point->value[m] * (double)material->emission[c];
         }
@@ -27119,7 +27093,7 @@ SPSI_COLD void spsi_point_source(const spsi_marcher *marcher, const spsi_point *
         }
 }
 
-/* Irradiance that reaches a surface from all points of a light, per unit of its color. */
+/* Irradiance per unit of the light's color. */
 SPSI_COLD void spsi_march_arrival(const spsi_marcher *marcher, const spsi_light *light, int face,
                                   const spsi_surface *surface, spsi_enclosure arrives[3]) {
     const int count = spsi_reference_points(light);
@@ -27139,11 +27113,10 @@ SPSI_COLD void spsi_march_arrival(const spsi_marcher *marcher, const spsi_light 
     }
 }
 
-/* Radiance of the polygon that a ray meets, from all lights and ambient light. */
 SPSI_COLD void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y,
                                   spsi_enclosure radiance[3]) {
     const spsi_frame *frame = marcher->frame;
-    const double ambient = marcher->settings->samples == 0 ? 1 : 0; /* otherwise paths find it */
+    const double ambient = marcher->settings->samples == 0 ? 1 : 0; /* otherwise paths add it */
     spsi_appearance look;
     spsi_surface surface;
     spsi_shading_point place = {hit, x, y, {(double)x, (double)y}, 0};
@@ -27164,10 +27137,10 @@ SPSI_COLD void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *h
     }
 }
 
-/* Mean of three colors; their own value if they are equal, to the bit. */
+/* Equal colors keep their value, to the bit. */
 static double spsi_color_mean(const double c[3]) { return c[0] + (c[1] - c[0] + (c[2] - c[0])) / 3; }
 
-/* Marches a step through gas. Returns 0 if what is behind it is hidden. */
+/* Returns 0 if the rest is hidden. */
 static int spsi_march_step(const spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
                            spsi_walker *walker) {
     const double h = step->high - step->low, passes = exp(-walker->gas.low);
@@ -27193,7 +27166,7 @@ static int spsi_march_step(const spsi_marcher *marcher, const spsi_ray *step, in
     return 1;
 }
 
-/* Follows a pixel's ray up to its next face and through that. */
+/* Follows a pixel's ray to its next face and through it. */
 SPSI_COLD void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker) {
     spsi_enclosure surface[3], passes;
     double range[2], before;
@@ -27228,7 +27201,7 @@ SPSI_COLD void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sam
 
 static int spsi_march_spans(int width) { return (width + SPSI_MARCH_SPAN - 1) / SPSI_MARCH_SPAN; }
 
-/* The pixels of a span of a row. With a whole row per task, workers would wait for the slowest one in each batch. */
+/* With a whole row per task, workers would wait for the slowest. */
 static void spsi_march_span_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
     const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
@@ -27239,10 +27212,10 @@ static void spsi_march_span_task(void *data, int index, int worker) {
                        &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x]);
 }
 
-/* Does what is to be done at all pixels, which takes a share of the call after what is `done` of it. */
+/* `done`: progress of the call so far. */
 static sps_result spsi_march_pixels(sps_context *context, spsi_marcher *marcher, double done, double share) {
     const int *region = marcher->frame->view.region;
-    const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
+    const int rows = spsi_worker_count(context); /* between calls of progress_fn: one row can take a second */
     for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
         if (spsi_progress(context, done + share * marcher->first_row / region[3])) return context->result;
         spsi_parallel(context, spsi_imin(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
@@ -27251,7 +27224,6 @@ static sps_result spsi_march_pixels(sps_context *context, spsi_marcher *marcher,
     return SPS_OK;
 }
 
-/* Finds the next face of each pixel of a row. */
 static void spsi_march_meet_task(void *data, int index) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
     const int *region = marcher->frame->view.region, width = marcher->frame->content->eye.width;
@@ -27265,7 +27237,7 @@ static void spsi_march_meet_task(void *data, int index) {
     }
 }
 
-/* Starts every pixel's ray, through the n-th of its samples. */
+/* `n`: number of the sample in each pixel. */
 SPSI_COLD void spsi_march_start(const spsi_marcher *marcher, const spsi_rays *centre, int n) {
     const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
     const int side = marcher->side;
@@ -27280,8 +27252,8 @@ SPSI_COLD void spsi_march_start(const spsi_marcher *marcher, const spsi_rays *ce
     }
 }
 
-/* Adds what has been marched to the pixels' sums, over the background that the image holds. Where gas has bounds, it
-   sends no more than if it were opaque and all as bright as its brightest. */
+/* Adds the rays to the pixels' sums, over the image's background. Bounded medium sends at most its brightest radiance,
+   as if opaque. */
 SPSI_COLD void spsi_march_add(const spsi_marcher *marcher) {
     const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
     for (size_t i = 0; i < pixels; ++i) {
@@ -27301,8 +27273,7 @@ SPSI_COLD void spsi_march_add(const spsi_marcher *marcher) {
     }
 }
 
-/* Fills in the image's pixels, and what settings ask for beside it: bounds, rounded outwards, and standard errors of
-   paths' means. Radiance may be beyond what a float holds. */
+/* Writes pixels, bounds rounded outwards, and standard errors of the paths' means. Radiance may exceed floats. */
 static void spsi_march_finish(const spsi_marcher *marcher, const sps_image *image) {
     const sps_reference_settings *settings = marcher->settings;
     const size_t width = (size_t)marcher->frame->view.region[2], height = (size_t)marcher->frame->view.region[3];
@@ -27328,7 +27299,7 @@ static void spsi_march_finish(const spsi_marcher *marcher, const sps_image *imag
     }
 }
 
-/* Marches every ray that has not ended up to its next face, and through that. *left: whether any goes on. */
+/* Follows all rays through their next face. *left: 1 if any continues. */
 SPSI_COLD sps_result spsi_march_round(sps_context *context, spsi_marcher *marcher, int *left) {
     const spsi_frame *frame = marcher->frame;
     const int *region = frame->view.region;
@@ -27345,13 +27316,11 @@ SPSI_COLD sps_result spsi_march_round(sps_context *context, spsi_marcher *marche
 
 /* --- setting up --- */
 
-/* A volume that is being read as a whole. */
 typedef struct spsi_dense_job {
     spsi_reader reader;
     float *values;
 } spsi_dense_job;
 
-/* Copies a block's values to their places. */
 static void spsi_dense_task(void *data, int index, int worker) {
     const spsi_dense_job *job = (const spsi_dense_job *)data;
     const spsi_voxels *voxels = spsi_reader_values(&job->reader, index);
@@ -27367,11 +27336,11 @@ static void spsi_dense_task(void *data, int index, int worker) {
         }
 }
 
-/* Reads a whole volume, and its maxima by brick. */
+/* Reads a volume and its maxima by brick. */
 static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame, int medium, const spsi_dense *grid) {
     spsi_material plain;
     spsi_dense_job job;
-    memset(&plain, 0, sizeof plain); /* a gas: blocks without margins */
+    memset(&plain, 0, sizeof plain); /* not classified: blocks without margins */
     memset(&job, 0, sizeof job);
     job.values = grid->values;
     job.reader.medium = &frame->media[medium];
@@ -27387,7 +27356,7 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
                 const size_t row = (size_t)z * (size_t)grid->size[1] + (size_t)y;
                 const float value = grid->values[row * (size_t)grid->size[0] + (size_t)x];
                 if (!(value > 0)) continue;
-                for (int n = 0; n < 27; ++n) { /* beyond the border, a brick at the border once more */
+                for (int n = 0; n < 27; ++n) { /* beyond the border, border bricks repeat */
                     const int at[3] = {b[0] + n % 3 - 1, b[1] + n / 3 % 3 - 1, b[2] + n / 9 - 1};
                     int brick = 0;
                     for (int k = 2; k >= 0; --k)
@@ -27398,7 +27367,7 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
     return SPS_OK;
 }
 
-/* Lays out the values of all volumes and their maxima in memory, or counts only. Returns the number of floats. */
+/* `memory` NULL: only counts. Returns the floats. */
 static size_t spsi_grids_lay_out(const spsi_frame *frame, float *memory, spsi_dense *grids) {
     size_t laid = 0;
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -27421,7 +27390,6 @@ static size_t spsi_grids_lay_out(const spsi_frame *frame, float *memory, spsi_de
     return laid;
 }
 
-/* Reads all volumes. */
 SPSI_COLD sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame, spsi_marcher *marcher) {
     const size_t floats = spsi_grids_lay_out(frame, NULL, marcher->grids);
     float *memory;
@@ -27437,7 +27405,6 @@ SPSI_COLD sps_result spsi_march_grids(sps_context *context, const spsi_frame *fr
     return SPS_OK;
 }
 
-/* Builds the tree of all particles. */
 SPSI_COLD sps_result spsi_march_particles(sps_context *context, const spsi_frame *frame, spsi_tree *tree) {
     spsi_tree_item *items;
     if (frame->content->particle_count == 0) return SPS_OK;
@@ -27487,46 +27454,42 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
 }
 
 /* ============================================================================================= >>bounds
-   38 Bounds of light that scatters once, along the rays of >>reference: not an estimate, but limits that the exact
-   integral cannot pass. On a step of length h, three Gauss points integrate F with an error of at most
-   h^7 / 2016000 * |F^(6)|. F is the field times exp(-optical depth from the eye and from the light) times the light's
-   falloff, lobe and cone. Derivatives of the field are bounded by what voxels about the step differ by, those of
-   optical depth by the same along its way, and those of products, exponentials and powers by power series whose terms
-   are bounds, too (majorants). Since optical depth never falls, what a step scatters also lies between what its ends
-   let pass: that bounds gas which is too dense for the series. Where a polygon's shadow may begin within a step, its
-   light lies between none and all. Steps are halved while that helps. The truth that is bounded is the field of kernels
-   that nothing cuts up to 4 voxels from a volume's box, beyond which it has no gas. Cost: pixels * steps * 3 * (1 +
-   lights * steps of a shadow ray * 3) * 512 voxels. */
+   38 Strict bounds of single scattering, along the rays of >>reference. On a step of length h, three Gauss points
+   integrate F with an error of at most h^7 / 2016000 * |F^(6)|. F is the field times exp(-optical depth from eye and
+   light) times falloff, phase function and cone. Differences between nearby voxels bound the derivatives of the field
+   and of optical depth. Products, exponentials and powers have majorant series. In medium too dense for these,
+   transmittances at a step's ends bound its light. Where a polygon's shadow may begin, light lies between none and all.
+   Steps are halved while that helps. The bounded field has untruncated kernels up to 4 voxels from a volume's box, and
+   nothing beyond. Cost: pixels * steps * 3 * (1 + lights * steps of a shadow ray * 3) * 512 voxels. */
 
 #define SPSI_BRACKET_ORDER    6
-#define SPSI_BRACKET_TAPS     8     /* voxels along each axis about a point */
-#define SPSI_BRACKET_STEP     0.75  /* of a voxel at most: then no voxel beyond these matters */
-#define SPSI_BRACKET_TAIL     2e-8  /* of the largest value: kernels beyond, at the point itself */
-#define SPSI_BRACKET_HALVINGS 12    /* of a step at most, in dense gas */
-#define SPSI_BRACKET_EDGES    6     /* the same where a shadow may begin, and where bounds are wide */
-#define SPSI_BRACKET_WIDE     1e-3  /* of what opaque gas would send: steps whose bounds are farther apart are halved */
-#define SPSI_BRACKET_DENSE    0.5   /* optical depth of a step in the densest gas about it, above which it is halved */
-#define SPSI_BRACKET_SEEN     10    /* behind this optical depth nothing is halved: 5e-5 passes */
-#define SPSI_BRACKET_STEPS    1e8   /* along a ray at most */
-#define SPSI_BRACKET_DARK     27.6  /* optical depth beyond which shadows are not followed: 1e-12 passes */
-#define SPSI_BRACKET_ROOM     1e-9  /* relative: of a shadow's edge */
+#define SPSI_BRACKET_TAPS     8     /* voxels per axis around a point */
+#define SPSI_BRACKET_STEP     0.75  /* voxels at most: then these taps are enough */
+#define SPSI_BRACKET_TAIL     2e-8  /* kernels beyond the taps at a point, relative to the largest value */
+#define SPSI_BRACKET_HALVINGS 12    /* most halvings in dense medium */
+#define SPSI_BRACKET_EDGES    6     /* at shadow edges, and while bounds are wide */
+#define SPSI_BRACKET_WIDE     1e-3  /* greatest distance of bounds, relative to opaque medium */
+#define SPSI_BRACKET_DENSE    0.5   /* greatest optical depth of a step, at its densest */
+#define SPSI_BRACKET_SEEN     10    /* optical depth behind which nothing is halved: 5e-5 passes */
+#define SPSI_BRACKET_STEPS    1e8   /* most per ray */
+#define SPSI_BRACKET_DARK     27.6  /* optical depth behind which shadows are ignored: 1e-12 passes */
+#define SPSI_BRACKET_ROOM     1e-9  /* relative, at shadow edges */
 
 
-/* Upper bounds for the derivatives of order k along a unit vector, in voxels: the sum of all kernels' absolute values;
-   that of kernels alone, of which all but order 0 should vanish; and the sum of absolute values beyond the taps about a
-   point that is up to SPSI_BRACKET_STEP away. Largest found over places and directions, and one in a hundred more. */
+/* Upper bounds of k-th derivatives along a unit vector, in voxels. Sums: absolute values of all kernels. Ripples:
+   kernels alone; only order 0 should remain. Tails: absolute values beyond the taps, up to SPSI_BRACKET_STEP from their
+   point. Each is the maximum over places and directions, plus 1 %. */
 static const double spsi_kernel_sums[SPSI_BRACKET_ORDER + 1] = {1.0115, 1.41, 2.95, 8.1, 24.7, 77.5, 249};
 static const double spsi_kernel_ripples[SPSI_BRACKET_ORDER + 1] = {1.0015, 0.0053, 0.0192, 0.12, 0.753, 4.73, 29.8};
 static const double spsi_kernel_tails[SPSI_BRACKET_ORDER + 1] = {9e-6, 4e-5, 2e-4, 1.3e-3, 8e-3, 0.05, 0.3};
 
-/* Term k is an upper bound of a function's k-th derivative / k!, on all of a step. */
+/* Term k bounds a function's k-th derivative / k! on a step. */
 typedef struct spsi_series {
     double term[SPSI_BRACKET_ORDER + 1];
 } spsi_series;
 
 /* --- series --- */
 
-/* The product of two functions. */
 SPSI_COLD spsi_series spsi_series_product(const spsi_series *a, const spsi_series *b) {
     spsi_series product;
     for (int n = 0; n <= SPSI_BRACKET_ORDER; ++n) {
@@ -27536,7 +27499,7 @@ SPSI_COLD spsi_series spsi_series_product(const spsi_series *a, const spsi_serie
     return product;
 }
 
-/* exp(-w), as a share of its maximum, from a series of w. */
+/* exp(-w), relative to its maximum. */
 SPSI_COLD spsi_series spsi_series_exponential(const spsi_series *w) {
     spsi_series result;
     result.term[0] = 1;
@@ -27547,9 +27510,8 @@ SPSI_COLD spsi_series spsi_series_exponential(const spsi_series *w) {
     return result;
 }
 
-/* Adds `scale` times the series of a field along a vector of `speed` voxels, whose voxels are `half` from `middle` at
-   most, and nowhere above `most`. Also of an integral of such fields, given the integrals of the three. Term 0 is
-   left alone. */
+/* Adds `scale` times the series of a field along a vector of `speed` voxels. Nearby voxels are `middle` +- `half`, none
+   is above `most`. Integrals of these three give the series of an integral. Term 0 stays. */
 SPSI_COLD void spsi_series_add_field(double scale, double speed, double half, double middle, double most,
                                      spsi_series *series) {
     double factor = scale;
@@ -27560,12 +27522,12 @@ SPSI_COLD void spsi_series_add_field(double scale, double speed, double half, do
     }
 }
 
-/* What three Gauss points miss at most of an integral over length h. */
+/* Error bound of three Gauss points. */
 static double spsi_gauss_error(double h, double sixth) { return h * (h * h) * (h * h) * (h * h) * sixth / 2800; }
 
 /* --- the field --- */
 
-/* A row of voxels, 0 beyond the volume; in `spare` if it lies on the volume's edge. */
+/* Row of voxels, 0 outside; in `spare` at the volume's edge. */
 SPSI_COLD const float *spsi_vicinity_row(const spsi_dense *grid, int x, int y, int z, float *spare) {
     const int inside = y >= 0 && z >= 0 && y < grid->size[1] && z < grid->size[2];
     const size_t number = inside ? (size_t)z * (size_t)grid->size[1] + (size_t)y : 0;
@@ -27577,14 +27539,13 @@ SPSI_COLD const float *spsi_vicinity_row(const spsi_dense *grid, int x, int y, i
 }
 
 typedef struct spsi_step_gas {
-    double value[3];     /* of the field, at the step's points */
-    double half, middle; /* values of voxels about all of it: middle +- half */
-    double tail;         /* by which values may be larger */
-    spsi_enclosure length; /* of the field's integral over the step */
+    double value[3];     /* field at the step's points */
+    double half, middle; /* range of nearby voxels: middle +- half */
+    double tail;         /* possible excess of values */
+    spsi_enclosure length; /* integral of the field over the step */
 } spsi_step_gas;
 
-/* The field at a world point, and what voxels about it are, unless `gas` is NULL. Returns 0 if none about it is above
-   0. */
+/* Field at a point. `gas`: range of voxels around it, or NULL. Returns 0 if none is above 0. */
 SPSI_COLD int spsi_vicinity_at(const spsi_dense *grid, const double point[3], double *value, spsi_step_gas *gas) {
     double offset[3], at[3], w[3][SPSI_BRACKET_TAPS], sum[SPSI_BRACKET_TAPS] = {0};
     float low[SPSI_BRACKET_TAPS], high[SPSI_BRACKET_TAPS] = {0}, least, most = 0, spare[SPSI_BRACKET_TAPS];
@@ -27621,16 +27582,16 @@ SPSI_COLD int spsi_vicinity_at(const spsi_dense *grid, const double point[3], do
     return 1;
 }
 
-/* Length in voxels of a vector in the world. */
+/* Voxels per vector. */
 SPSI_COLD double spsi_vicinity_speed(const spsi_dense *grid, const double direction[3]) {
     double along[3];
     for (int i = 0; i < 3; ++i) along[i] = spsi_dot(grid->inverse[i], direction);
     return spsi_length(along);
 }
 
-/* --- a step through a volume --- */
+/* --- steps in a volume --- */
 
-/* Samples a volume at a step's points. Returns 0 if nothing is about it. */
+/* Returns 0 if no medium is near. */
 SPSI_COLD int spsi_step_sample(const spsi_marcher *marcher, int m, const spsi_ray *step, spsi_step_gas *gas) {
     const spsi_dense *grid = &marcher->grids[m];
     const double h = step->high - step->low, most = grid->all_most, speed = spsi_vicinity_speed(grid, step->direction);
@@ -27651,21 +27612,20 @@ SPSI_COLD int spsi_step_sample(const spsi_marcher *marcher, int m, const spsi_ra
     return any;
 }
 
-/* Upper bound of the field anywhere on a step. */
+/* Bounds the field on a step. */
 SPSI_COLD double spsi_step_most(const spsi_step_gas *gas, double most) {
     return (gas->middle + gas->half) * spsi_kernel_ripples[0] + most * spsi_kernel_tails[0];
 }
 
-/* --- from a point to a light --- */
+/* --- shadow rays --- */
 
-/* Gas between a point and a light. */
+/* Medium before a light. */
 typedef struct spsi_shade {
     spsi_enclosure depth;
-    double way;                                              /* length, in the gas's bounds */
-    double half[SPSI_VOLUMES_MAX], middle[SPSI_VOLUMES_MAX]; /* integrals over that of voxels' values */
+    double way;                                              /* length in the medium's bounds */
+    double half[SPSI_VOLUMES_MAX], middle[SPSI_VOLUMES_MAX]; /* integrals of nearby voxels' range */
 } spsi_shade;
 
-/* Gas between a point and a light, with what else bounds its derivatives. */
 SPSI_COLD void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_light *light, const double point[3],
                                   spsi_shade *shade) {
     const spsi_frame *frame = marcher->frame;
@@ -27689,40 +27649,39 @@ SPSI_COLD void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_light 
     }
 }
 
-/* Its optical depth alone. */
 static spsi_enclosure spsi_bracket_light(const spsi_marcher *marcher, const spsi_light *light, const double point[3]) {
     spsi_shade shade;
     spsi_bracket_shade(marcher, light, point, &shade);
     return shade.depth;
 }
 
-/* --- a step of the eye's ray --- */
+/* --- steps of the eye's ray --- */
 
 typedef struct spsi_step {
-    spsi_ray ray;                        /* low and high are the step */
-    double ends[2][3], points[3][3];     /* in the world */
-    spsi_step_gas gas[SPSI_VOLUMES_MAX]; /* of each volume */
-    double particles[SPSI_SETS_MAX];     /* optical depth of each set */
+    spsi_ray ray;                        /* low..high is the step */
+    double ends[2][3], points[3][3];     /* world */
+    spsi_step_gas gas[SPSI_VOLUMES_MAX]; /* per volume */
+    double particles[SPSI_SETS_MAX];     /* optical depth per set */
     spsi_enclosure before, depth;        /* optical depth up to the step, and in it */
-    spsi_enclosure within[3];            /* from its beginning to its points */
-    spsi_series passes;                  /* of optical depth from the eye; term 0 is left out */
-    int lit;                             /* 1: shadows of light matter */
-    int smooth;                          /* 1: there are no particles */
+    spsi_enclosure within[3];            /* depth from its beginning to its points */
+    spsi_series passes;                  /* depth from the eye, without term 0 */
+    int lit;                             /* 1: shadows matter */
+    int smooth;                          /* 1: no particles */
 } spsi_step;
 
-/* Light on its way to a step: optical depth before it, and its falloff. */
+/* Light arriving at a step. */
 typedef struct spsi_incoming {
-    spsi_enclosure depth[3]; /* at the step's points */
+    spsi_enclosure depth[3]; /* optical depth at the step's points */
     spsi_enclosure passes;   /* transmittance anywhere on it */
-    spsi_series series;    /* of optical depth; term 0 is left out */
-    double falls[3];       /* falloff at the points, and of a gas its phase function */
-    spsi_enclosure range;  /* of these, anywhere */
-    spsi_series falloff;   /* of these */
-    int smooth;            /* 1: both series hold */
+    spsi_series series;    /* optical depth, without term 0 */
+    double falls[3];       /* falloff times phase function, at the points */
+    spsi_enclosure range;  /* anywhere on the step */
+    spsi_series falloff;   /* series of `falls` */
+    int smooth;            /* 1: both series are valid */
 } spsi_incoming;
 
-/* Optical depth from a step's beginning to its points, by the parabola through its values there, and what that misses:
-   the third derivative / 6 times the integral of |(x - x1)(x - x2)(x - x3)|. */
+/* Optical depth from a step's beginning to its points, by the parabola through their values. Error: third derivative /
+   6 times the integral of |(x - x1)(x - x2)(x - x3)|. */
 SPSI_COLD void spsi_step_within(const spsi_marcher *marcher, double third, spsi_step *step) {
     static const double weights[3][3] = {{5.0 / 36, -0.035976667524938903, 0.0097894440153083},
                                          {0.30026319498086459, 2.0 / 9, -0.022485417203086815},
@@ -27741,7 +27700,6 @@ SPSI_COLD void spsi_step_within(const spsi_marcher *marcher, double third, spsi_
     }
 }
 
-/* Samples all gas on a step. */
 SPSI_COLD void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_enclosure before,
                                spsi_step *step) {
     const spsi_frame *frame = marcher->frame;
@@ -27776,8 +27734,7 @@ SPSI_COLD void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray,
     step->lit = any && before.low < SPSI_BRACKET_DARK;
 }
 
-/* Bounds of the integral over a step of a volume's value times what is left of it on the way to the eye, and times the
-   light that is coming. */
+/* Bounds the integral of a volume's value, times transmittance to the eye, times incoming light. */
 SPSI_COLD spsi_enclosure spsi_step_integral(const spsi_marcher *marcher, const spsi_step *step, int m,
                                             const spsi_incoming *incoming) {
     const spsi_step_gas *gas = &step->gas[m];
@@ -27789,7 +27746,7 @@ SPSI_COLD spsi_enclosure spsi_step_integral(const spsi_marcher *marcher, const s
     if (!(gas->length.high > 0)) return points;
     result.low = gas->length.low * exp(-step->before.high - step->depth.high);
     result.high = gas->length.high * exp(-step->before.low);
-    if (marcher->part_count == 1 && extinction > 0) { /* what is missing behind it is what it has taken */
+    if (marcher->part_count == 1 && extinction > 0) { /* absorption is the drop of transmittance */
         result.low = spsi_dmax(result.low, exp(-step->before.high) * -expm1(-step->depth.low) / extinction);
         result.high = spsi_dmin(result.high, exp(-step->before.low) * -expm1(-step->depth.high) / extinction);
     }
@@ -27816,7 +27773,7 @@ SPSI_COLD spsi_enclosure spsi_step_integral(const spsi_marcher *marcher, const s
     return result;
 }
 
-/* Light that comes from everywhere alike, as ambient light does, or from the gas itself. */
+/* Isotropic light: ambient or emitted. */
 SPSI_COLD void spsi_incoming_plain(spsi_incoming *incoming) {
     memset(incoming, 0, sizeof *incoming);
     incoming->passes = incoming->range = spsi_enclosure_of(1, 1);
@@ -27825,8 +27782,8 @@ SPSI_COLD void spsi_incoming_plain(spsi_incoming *incoming) {
     incoming->smooth = 1;
 }
 
-/* The falloff of a lamp along a step, 1 / r^2 as in >>reference. About a point at distance r, its series in the way t
-   has terms of (k + 1) / r^(k + 2) at most [of 1 / (1 - x)^2]. */
+/* Falloff of a point light, 1 / r^2 as in >>reference. At distance r, its series has terms of at most (k + 1) / r^(k +
+   2) [of 1 / (1 - x)^2]. */
 SPSI_COLD void spsi_incoming_fall(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *light,
                                   spsi_incoming *incoming) {
     const spsi_rays *eye = &marcher->frame->content->eye;
@@ -27854,15 +27811,15 @@ SPSI_COLD void spsi_incoming_fall(const spsi_marcher *marcher, const spsi_step *
         incoming->falloff.term[k] = (k + 1) * pow(incoming->range.high, 0.5 * k + 1);
 }
 
-/* Distance of a lamp from a step's middle; infinity: it is a directional light. */
+/* Infinity for directional lights. */
 static double spsi_step_distance(const spsi_step *step, const spsi_light *light) {
     double offset[3];
     spsi_along(light->position, step->points[1], -1, offset);
     return light->is_point ? spsi_length(offset) : HUGE_VAL;
 }
 
-/* Gas before a light along a step: its optical depth at the points, and how that may change. Towards a lamp at distance
-   r, places near it move less, and r itself has a series of terms of r^(1 - k) at most. */
+/* Optical depth to a light, and its series. Nearer to a point light at distance r, places move less; r has terms of at
+   most r^(1 - k). */
 SPSI_COLD void spsi_incoming_shade(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *light,
                                    spsi_incoming *incoming) {
     const double h = step->ray.high - step->ray.low, distance = spsi_step_distance(step, light);
@@ -27891,14 +27848,14 @@ SPSI_COLD void spsi_incoming_shade(const spsi_marcher *marcher, const spsi_step 
     }
 }
 
-/* Angle by which light that comes to a step turns at most, from its middle. */
+/* Largest turn of light from the step's middle. */
 SPSI_COLD double spsi_step_turn(const spsi_step *step, const spsi_light *light) {
     const double half = 0.5 * (step->ray.high - step->ray.low), distance = spsi_step_distance(step, light);
     return half < distance ? asin(half / distance) : 4;
 }
 
-/* Range of 1 - cos between light that comes to a step and the light's axis: at an angle a, its root is
-   sqrt(2) sin(a / 2), and changes by at most 1 / sqrt(2) of what a does. */
+/* Range of 1 - cos to the light's axis. At an angle a, its root is sqrt(2) sin(a / 2), with a slope of at most 1 /
+   sqrt(2). */
 SPSI_COLD spsi_enclosure spsi_step_axis(const spsi_step *step, const spsi_light *light) {
     const double turn = sqrt(0.5) * spsi_step_turn(step, light);
     double travel[3], root;
@@ -27907,14 +27864,13 @@ SPSI_COLD spsi_enclosure spsi_step_axis(const spsi_step *step, const spsi_light 
     return spsi_enclosure_of(pow(spsi_dmax(root - turn, 0), 2), spsi_dmin(pow(root + turn, 2), 2));
 }
 
-/* Whether a cone begins or ends in a range of 1 - cos. */
+/* True if a cone begins or ends in the range. */
 SPSI_COLD int spsi_cone_bends(const spsi_cone *cone, spsi_enclosure range) {
     const double low = (cone->none - range.high) / cone->rim, high = (cone->none - range.low) / cone->rim;
     return cone->exists && ((low < 0 && high > 0) || (low < 1 && high > 1));
 }
 
-/* What a light's cone lets pass on a step, in which 1 - cos from its axis is within `range`. Where it begins and where
-   it ends it has corners, and between them it is the square of a linear function. */
+/* Cone on a step with 1 - cos in `range`: the square of a linear function, with corners at both ends. */
 SPSI_COLD void spsi_incoming_cone(const spsi_cone *cone, const double versines[3], spsi_enclosure range,
                                   const spsi_series *turning, spsi_incoming *incoming) {
     spsi_series share = *turning;
@@ -27929,8 +27885,7 @@ SPSI_COLD void spsi_incoming_cone(const spsi_cone *cone, const double versines[3
     incoming->falloff = spsi_series_product(&incoming->falloff, &share);
 }
 
-/* The series of one lobe, (1 - g^2) / (4 pi) * (1 + g^2 - 2 g cosine)^(-3/2), of which the parenthesis is at least
-   `least`: that of a power. */
+/* Series of a lobe, (1 - g^2) / (4 pi) * (1 + g^2 - 2 g cosine)^(-3/2). `least` bounds the parenthesis. */
 SPSI_COLD spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const spsi_series *cosine) {
     const double g = fabs((double)lobe->asymmetry);
     spsi_series lobes;
@@ -27943,9 +27898,8 @@ SPSI_COLD spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const
     return lobes;
 }
 
-/* What a gas sends to the eye of the light that comes to a step, per unit of optical depth and of albedo. A lobe rises
-   or falls with the cosine, so that it is between its values at the ends. A lamp's light turns by less than the step
-   seen from it, and its direction has a series of 2 / r^k at most. */
+/* Phase function per unit of optical depth and albedo. Lobes are monotonic in the cosine: the ends bound them. Light
+   turns by less than the angle of the step at a point light; its direction has terms of at most 2 / r^k. */
 SPSI_COLD void spsi_incoming_phase(const spsi_step *step, const spsi_light *light, const spsi_material *material,
                                    spsi_incoming *incoming) {
     const double half = 0.5 * (step->ray.high - step->ray.low), turn = spsi_step_turn(step, light);
@@ -27978,14 +27932,14 @@ SPSI_COLD void spsi_incoming_phase(const spsi_step *step, const spsi_light *ligh
     if (light->is_point) spsi_incoming_cone(&light->cone, axis, spsi_step_axis(step, light), &turning, incoming);
 }
 
-/* What gas on a step sends to the eye. */
+/* Light from a step to the eye. */
 typedef struct spsi_step_light {
     spsi_enclosure light[3];
-    double source[3]; /* radiance, were it opaque, at most */
+    double source[3]; /* greatest radiance, were it opaque */
     spsi_enclosure depth;
 } spsi_step_light;
 
-/* Adds what all volumes on a step scatter from a light. */
+/* Adds scattering from one light by all volumes. */
 SPSI_COLD void spsi_step_add_light(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *light,
                                    const spsi_enclosure passes[3], spsi_step_light *sum) {
     double source[3] = {0, 0, 0};
@@ -28012,7 +27966,7 @@ SPSI_COLD void spsi_step_add_light(const spsi_marcher *marcher, const spsi_step 
     for (int c = 0; c < 3; ++c) sum->source[c] += source[c];
 }
 
-/* Adds what gas on a step emits, and what it scatters of ambient light. */
+/* Adds emission and scattered ambient light. */
 SPSI_COLD void spsi_step_add_own(const spsi_marcher *marcher, const spsi_step *step, spsi_step_light *sum) {
     const spsi_frame *frame = marcher->frame;
     double source[3] = {0, 0, 0};
@@ -28037,9 +27991,9 @@ SPSI_COLD void spsi_step_add_own(const spsi_marcher *marcher, const spsi_step *s
     for (int c = 0; c < 3; ++c) sum->source[c] += source[c];
 }
 
-/* --- whether polygons are before a light --- */
+/* --- polygons before a light --- */
 
-/* The side of a plane on which a point is: 1, -1, or 0 if it is too close to say. */
+/* Returns 1, -1, or 0 if too close to tell. */
 SPSI_COLD int spsi_plane_side(const double normal[3], const double on[3], const double point[3]) {
     double offset[3], side, room;
     spsi_along(point, on, -1, offset);
@@ -28048,7 +28002,7 @@ SPSI_COLD int spsi_plane_side(const double normal[3], const double on[3], const 
     return side > room ? 1 : side < -room ? -1 : 0;
 }
 
-/* The normal of the plane in which light passes two points. */
+/* Normal of the plane of light rays through two points. */
 SPSI_COLD void spsi_light_plane(const spsi_light *light, const double a[3], const double b[3], double normal[3]) {
     double u[3], v[3];
     spsi_along(b, a, -1, u);
@@ -28061,8 +28015,8 @@ SPSI_COLD void spsi_light_plane(const spsi_light *light, const double a[3], cons
 
 typedef enum spsi_cover { SPSI_COVER_CLEAR, SPSI_COVER_BEHIND, SPSI_COVER_PARTLY } spsi_cover;
 
-/* Whether a face is before a light, seen from all points between two. Planes tell: that of the face, which must be
-   between them and the light, and those in which light passes its edges; or that through both points and the light. */
+/* Tests whether a face covers a light, for all points between two. Separating planes: the face's, of light at its
+   edges, and through both points and the light. */
 SPSI_COLD spsi_cover spsi_face_cover(const spsi_face *face, const spsi_light *light, const spsi_step *step) {
     double normal[3], beyond[3];
     int side, sides[3], inside = 1;
@@ -28085,8 +28039,7 @@ SPSI_COLD spsi_cover spsi_face_cover(const spsi_face *face, const spsi_light *li
     return sides[0] != 0 && sides[0] == sides[1] && sides[1] == sides[2] ? SPSI_COVER_CLEAR : SPSI_COVER_PARTLY;
 }
 
-/* Bounds of the share of a light that polygons let pass to all points of a step. Returns 0 if a polygon is before the
-   light for some of them only, so that a shorter step tells more. */
+/* Bounds transmittance of polygons over a step. Returns 0 if one covers only part of it: shorter steps help. */
 SPSI_COLD int spsi_step_cover(const spsi_faces *faces, const spsi_light *light, const spsi_step *step,
                               spsi_enclosure passes[3]) {
     int number, sure = 1;
@@ -28117,13 +28070,13 @@ SPSI_COLD int spsi_step_cover(const spsi_faces *faces, const spsi_light *light, 
 
 /* --- following a ray --- */
 
-/* Whether a step is too long before anything is known of its light: it is dense, or a polygon's shadow or a cone begins
-   on it. */
+/* True if a step must be halved: dense medium, or the edge of a shadow or cone. */
 SPSI_COLD int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *step, int halvings) {
     const double dense = step->passes.term[1] * (step->ray.high - step->ray.low);
     if (!step->lit || step->before.low > SPSI_BRACKET_SEEN) return 0;
     if (step->smooth && dense > SPSI_BRACKET_DENSE && halvings < SPSI_BRACKET_HALVINGS)
-        return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) <= SPSI_BRACKET_DENSE; /* else no halving is enough */
+        return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) <= SPSI_BRACKET_DENSE; /* otherwise no halving is
+                                                                                        enough */
     for (int i = 0; i < marcher->light_count && halvings < SPSI_BRACKET_EDGES; ++i) {
         const spsi_light *light = &marcher->frame->lights.list[i];
         spsi_enclosure passes[3];
@@ -28133,7 +28086,7 @@ SPSI_COLD int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *s
     return 0;
 }
 
-/* Bounds of what a step sends to the eye. Returns 0 if its halves should be followed instead. */
+/* Returns 0 if the step must be halved. */
 SPSI_COLD int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_enclosure before,
                                spsi_step_light *sum) {
     const spsi_frame *frame = marcher->frame;
@@ -28153,7 +28106,6 @@ SPSI_COLD int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray,
     return 1;
 }
 
-/* Follows the eye's ray through a step, or through its halves. */
 SPSI_COLD int spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_sample *samples,
                                 spsi_walker *walker) {
     const double range[2] = {ray->low, ray->high};
@@ -28179,7 +28131,7 @@ SPSI_COLD int spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray
 
 /* --- setting up --- */
 
-/* Refuses what has no bounds here. */
+/* Refuses scenes without bounds. */
 SPSI_COLD sps_result spsi_bracket_check(sps_context *context, const spsi_frame *frame) {
     int scatters = 0;
     if (spsi_scatters_fully(frame) || spsi_scatters_aside(frame) || spsi_scatters_forward(frame))
@@ -28204,7 +28156,6 @@ SPSI_COLD sps_result spsi_bracket_check(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Prepares the marcher for bounds. */
 SPSI_COLD sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marcher) {
     const spsi_frame *frame = marcher->frame;
     double across[3];
@@ -28229,38 +28180,36 @@ SPSI_COLD sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marc
 }
 
 /* ================================================================================================ >>paths
-   39 Light that has scattered more than once, by random paths from the eye, as a measure: unbiased for the field and
-   the polygons of >>reference. A path goes from event to event. Volumes are crossed by delta tracking [Woodcock et al.
-   1965]: tentative collisions lie -ln(u) / bound apart, and one is real with probability extinction / bound; each brick
-   has a bound of its own. Balls have closed forms, which are inverted. The nearest of all these collisions and of the
-   faces on the ray is the event. There, shadow rays to all lights, through gas by ratio tracking [Novak et al. 2014],
-   add what scatters there, and the phase function draws the way on. What lights send to the first event has been
-   marched already. Emission is found in two ways: each event has a shadow ray to a point that is drawn in proportion to
-   emission, and each ray from an event on finds a point on its way. They are weighted by their densities [Veach and
-   Guibas 1995, balance heuristic], so that neither small flames nor being inside of one makes noise. Cost: paths *
-   events * (1 + lights) * bound * way * 343 voxels. */
+   39 Multiple scattering by random paths from the eye: an unbiased reference for the field and polygons of >>reference.
+   Volumes are crossed by delta tracking [Woodcock et al. 1965]: tentative collisions lie -ln(u) / bound apart and are
+   real with probability extinction / bound, with a bound per brick. Spheres are inverted in closed form. The nearest
+   collision or face is the event. Shadow rays to all lights add its scattering, through medium by ratio tracking [Novak
+   et al. 2014]; the phase function draws the next direction. Lights at the first event are already marched. Emission is
+   sampled twice: at an event, by a shadow ray to a point drawn by emission, and at a point on each ray after it. The
+   balance heuristic [Veach and Guibas 1995] avoids noise from small flames and inside of them. Cost: paths * events *
+   (1 + lights) * bound * length * 343 voxels. */
 
 #define SPSI_PATHS_MAX    (1 << 20)
-#define SPSI_PATH_ROUND   16    /* paths of a pixel between two calls of progress_fn, at most */
-#define SPSI_PATH_BRICK   1e4f  /* optical depth of a brick beyond which more makes no difference: no light passes */
-#define SPSI_PATH_GOES_ON 0.998 /* greatest probability: even without absorption, a path ends after 500 events */
-#define SPSI_PATH_WEIGHTY 3     /* events after which it may end */
-#define SPSI_PATH_SPLITS  0.05  /* transmittance below which one of two shadow rays ends, and the other counts twice */
+#define SPSI_PATH_ROUND   16    /* most paths per pixel between calls of progress_fn */
+#define SPSI_PATH_BRICK   1e4f  /* greatest optical depth of a brick: beyond, no light passes */
+#define SPSI_PATH_GOES_ON 0.998 /* greatest survival: even without absorption, paths end after 500 events */
+#define SPSI_PATH_WEIGHTY 3     /* events before Russian roulette */
+#define SPSI_PATH_SPLITS  0.05  /* transmittance below which one of two shadow rays ends */
 
 typedef struct spsi_path {
-    spsi_ray ray; /* from the last event on; its direction has unit length, low is 0 */
+    spsi_ray ray; /* after the last event; unit direction, low is 0 */
     double weight[3], radiance[3];
-    double from[3];  /* the last event */
-    double density;  /* per steradian, with which its way on was drawn there */
-    uint64_t random; /* state of the generator */
-    int face;        /* that it begins on; -1: none */
-    int scattered;   /* number of times so far */
-    int off_face;    /* 1: last by a polygon */
+    double from[3];  /* last event */
+    double density;  /* per steradian, of the direction drawn there */
+    uint64_t random; /* generator state */
+    int face;        /* start; -1: none */
+    int scattered;   /* events so far */
+    int off_face;    /* 1: last event was on a polygon */
 } spsi_path;
 
 /* --- random numbers --- */
 
-/* Evenly distributed over 0..1, without 1 [Steele et al. 2014, SplitMix64]. */
+/* Uniform in 0..1, without 1 [Steele et al. 2014, SplitMix64]. */
 static double spsi_random(uint64_t *state) {
     uint64_t z = *state += UINT64_C(0x9e3779b97f4a7c15);
     z = (z ^ z >> 30) * UINT64_C(0xbf58476d1ce4e5b9);
@@ -28268,10 +28217,10 @@ static double spsi_random(uint64_t *state) {
     return (double)((z ^ z >> 31) >> 11) * (1.0 / 9007199254740992.0);
 }
 
-/* Exponentially distributed, with mean 1. */
+/* Exponential, with mean 1. */
 static double spsi_random_depth(uint64_t *state) { return -log1p(-spsi_random(state)); }
 
-/* A unit vector at a given cosine from another one, in any direction about it. */
+/* Random unit vector at a cosine from an axis. */
 static void spsi_random_about(uint64_t *state, const double axis[3], double cosine, double out[3]) {
     const double turn = 2 * SPSI_PI * spsi_random(state), sine = sqrt(spsi_dmax(0, 1 - cosine * cosine));
     double across[3], other[3];
@@ -28280,7 +28229,7 @@ static void spsi_random_about(uint64_t *state, const double axis[3], double cosi
     spsi_normalise(out);
 }
 
-/* The cosine by which a gas turns light: of one of its lobes [Henyey & Greenstein 1941], inverted. */
+/* Draws a cosine by inverting one of the lobes [Henyey & Greenstein 1941]. */
 static double spsi_random_phase(uint64_t *state, const spsi_material *material) {
     double pick = spsi_random(state), u = spsi_random(state), g = 0, part;
     for (int i = 0; i < material->lobe_count; ++i) {
@@ -28293,9 +28242,9 @@ static double spsi_random_phase(uint64_t *state, const spsi_material *material) 
     return spsi_dmin(spsi_dmax((1 + g * g - part * part) / (2 * g), -1), 1);
 }
 
-/* --- volumes: tentative collisions --- */
+/* --- delta tracking --- */
 
-/* Bounds the extinction of a volume, by brick. Kernels at the voxels' distance ripple by 0.1 %. */
+/* Extinction bounds by brick. Kernels at the voxels' distance ripple by 0.1 %. */
 SPSI_COLD void spsi_dense_bound(const spsi_material *material, const spsi_dense *grid) {
     const int count = grid->bricks[0] * grid->bricks[1] * grid->bricks[2];
     float up_to[SPSI_TABLE_SIZE + 1] = {0}, most = SPSI_PATH_BRICK;
@@ -28313,23 +28262,23 @@ SPSI_COLD void spsi_dense_bound(const spsi_material *material, const spsi_dense 
     }
 }
 
-/* A ray on its way through a volume. */
+/* A ray through a volume. */
 typedef struct spsi_tracker {
     const spsi_dense *grid;
     const spsi_material *material;
     const spsi_ray *ray;
-    double at[3], along[3]; /* the ray's origin and direction, in voxels */
-    double voxel;           /* t per voxel, or a little less */
+    double at[3], along[3]; /* ray's origin and direction, in voxels */
+    double voxel;           /* t per voxel */
     double t, end;
-    double leave; /* t at which it leaves the current brick */
-    double bound; /* of the extinction there */
+    double leave; /* end of the current brick */
+    double bound; /* extinction there */
 } spsi_tracker;
 
-/* Looks up the brick that begins at t. Those at the border reach as far as their kernels. */
+/* Border bricks reach as far as their kernels. */
 static void spsi_tracker_enter(spsi_tracker *tracker) {
     const spsi_dense *grid = tracker->grid;
     const double room =
-        1e-7 * tracker->voxel + 4 * DBL_EPSILON * fabs(tracker->t); /* so that it goes on, however far */
+        1e-7 * tracker->voxel + 4 * DBL_EPSILON * fabs(tracker->t); /* always advances */
     int index = 0;
     tracker->leave = HUGE_VAL;
     for (int i = 2; i >= 0; --i) {
@@ -28346,7 +28295,7 @@ static void spsi_tracker_enter(spsi_tracker *tracker) {
     tracker->bound = (double)grid->bound[index];
 }
 
-/* Returns 0 if the ray does not meet the volume. */
+/* Returns 0 if the ray misses the volume. */
 static int spsi_tracker_begin(const spsi_marcher *marcher, int medium, const spsi_ray *ray, spsi_tracker *tracker) {
     spsi_ray local = *ray;
     double offset[3], low[3], high[3], range[2];
@@ -28369,12 +28318,12 @@ static int spsi_tracker_begin(const spsi_marcher *marcher, int medium, const sps
     return 1;
 }
 
-/* Goes on to the next tentative collision. Returns the probability that it is real, or -1 if there is none. */
+/* Returns the probability that the next tentative collision is real, or -1 if there is none. */
 static double spsi_tracker_next(spsi_tracker *tracker, uint64_t *random) {
     float appearance[4];
     double point[3];
     for (;;) {
-        const double next = tracker->t + spsi_random_depth(random) / tracker->bound; /* infinity if there is no gas */
+        const double next = tracker->t + spsi_random_depth(random) / tracker->bound; /* infinity without medium */
         if (next < tracker->leave) {
             tracker->t = next;
             break;
@@ -28388,7 +28337,7 @@ static double spsi_tracker_next(spsi_tracker *tracker, uint64_t *random) {
         spsi_extinction_at(tracker->material, spsi_field(tracker->grid, point, NULL), appearance) / tracker->bound, 1);
 }
 
-/* Finds the first collision with a volume. Shortens the ray to it, and sets `part`. */
+/* Shortens the ray to the first collision, and sets `part`. */
 static void spsi_path_through_volumes(const spsi_marcher *marcher, spsi_ray *ray, uint64_t *random, int *part) {
     for (int m = 0; m < marcher->frame->medium_count; ++m) {
         spsi_tracker tracker;
@@ -28405,8 +28354,7 @@ static void spsi_path_through_volumes(const spsi_marcher *marcher, spsi_ray *ray
 
 /* --- particles --- */
 
-/* Finds the first collision with a particle: the nearest of collisions with each of them, since gases that share a
-   place do not know of each other. Shortens the ray to it, and sets `part`. */
+/* Shortens the ray to the first collision, and sets `part`. Overlapping particles collide independently. */
 static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *ray, uint64_t *random, int *part) {
     const spsi_frame *frame = marcher->frame;
     spsi_walk walk;
@@ -28418,22 +28366,22 @@ static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *r
         if (!spsi_ray_chord_in_sphere(ray, &frame->content->particles[particle], set, &chord)) continue;
         double at = chord.at[0] + spsi_random_depth(random) / chord.depth;
         if (!(at < chord.at[1])) continue;
-        at = set->soft ? 2 * sin(asin(spsi_dmax(2 * at, -1)) / 3) : 2 * at; /* s, of 3 s / 4 - s^3 / 4 */
+        at = set->soft ? 2 * sin(asin(spsi_dmax(2 * at, -1)) / 3) : 2 * at; /* inverts 3 s / 4 - s^3 / 4 */
         ray->high = spsi_dmax(chord.middle + at * chord.half, ray->low);
         *part = frame->medium_count + (int)(set - frame->particles.sets);
     }
 }
 
-/* --- what emits --- */
+/* --- emission --- */
 
-/* What a part emits per unit of its value: the mean of its colors. */
+/* Per unit of value: the mean of its colors. */
 static double spsi_emission_of(const spsi_material *material) {
     return ((double)material->emission[0] + (double)material->emission[1] + (double)material->emission[2]) / 3;
 }
 
 static size_t spsi_dense_rows(const spsi_dense *grid) { return (size_t)grid->size[1] * (size_t)grid->size[2]; }
 
-/* Adds all emission up. */
+/* Builds cumulative sums. */
 static sps_result spsi_emission_build(sps_context *context, spsi_marcher *marcher) {
     const spsi_frame *frame = marcher->frame;
     size_t count = (size_t)frame->content->particle_count;
@@ -28462,11 +28410,11 @@ static sps_result spsi_emission_build(sps_context *context, spsi_marcher *marche
     return SPS_OK;
 }
 
-/* Draws a point that emits, as a light with the color of its part, whose mean is 1: in a ball by its density; by the
-   kernel of a voxel, which ends nowhere: 1e-6 of it lies beyond SPSI_REFERENCE_REACH, where nothing emits. */
+/* Draws an emitting point as a light with its part's color, of mean 1: in a sphere by density, around a voxel by its
+   kernel. 1e-6 of that lies beyond SPSI_REFERENCE_REACH, where nothing emits. */
 static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, spsi_light *light) {
     const spsi_frame *frame = marcher->frame;
-    const double pick = (1 - DBL_EPSILON) * spsi_random(random) * marcher->glow_sum; /* rounded, it is below the sum */
+    const double pick = (1 - DBL_EPSILON) * spsi_random(random) * marcher->glow_sum; /* below the sum after rounding */
     const spsi_material *material;
     size_t low = 0, high = marcher->glow_count - 1, rows;
     int m = 0;
@@ -28506,8 +28454,8 @@ static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, sp
     for (int c = 0; c < 3; ++c) light->color[c] = (float)((double)material->emission[c] / spsi_emission_of(material));
 }
 
-/* Finds what all gas emits at a point per unit of length. `density`: per steradian, with which an event sends paths
-   towards it. Returns the weight of drawing the point; the rest of 1 is the weight of a path that meets it. */
+/* Emission at a point per unit of length. `density`: per steradian, of paths from the event. Returns the weight of
+   drawing the point; paths that meet it have the rest. */
 static double spsi_emission_at(const spsi_marcher *marcher, const double event[3], double density,
                                const double point[3], double emitted[3]) {
     const spsi_bounds *bounds = &marcher->frame->content->bounds;
@@ -28518,7 +28466,7 @@ static double spsi_emission_at(const spsi_marcher *marcher, const double event[3
     way = spsi_length(ray.direction);
     memset(emitted, 0, 3 * sizeof *emitted);
     if (!spsi_normalise(ray.direction)) return 0;
-    room = 1e-7 * spsi_length(across); /* particles emit their mean over a length that is next to nothing */
+    room = 1e-7 * spsi_length(across); /* particles are averaged over almost no length */
     ray.low = way - room;
     ray.high = way + room;
     spsi_particles_depth(marcher, &ray, depths);
@@ -28535,7 +28483,7 @@ static double spsi_emission_at(const spsi_marcher *marcher, const double event[3
 
 /* --- events --- */
 
-/* Estimate of the transmittance of all gas between a point and a light. */
+/* Estimate for all medium between a point and a light. */
 static double spsi_path_transmittance(const spsi_marcher *marcher, const spsi_light *light, const double point[3],
                                       uint64_t *random) {
     double depths[SPSI_SETS_MAX], passes;
@@ -28560,8 +28508,7 @@ static void spsi_path_take(spsi_path *path, const double radiance[3]) {
     for (int c = 0; c < 3; ++c) path->radiance[c] += path->weight[c] * radiance[c];
 }
 
-/* Adds what the gas on the path's ray emits, up to its end: what is emitted before the event, on average over all
-   events, is what is emitted times the transmittance before it. */
+/* Adds emission up to the event, whose mean over random events is the attenuated emission. */
 static void spsi_path_emission(const spsi_marcher *marcher, spsi_path *path) {
     const spsi_bounds *bounds = &marcher->frame->content->bounds;
     double range[2], point[3], emitted[3], weight;
@@ -28573,13 +28520,13 @@ static void spsi_path_emission(const spsi_marcher *marcher, spsi_path *path) {
     spsi_path_take(path, emitted);
 }
 
-/* Density per steradian of the directions into which a part sends paths. */
+/* Density per steradian of scattered directions. */
 static double spsi_path_density(const spsi_material *material, double cosine) {
     if (material->table && material->shading == SPS_SHADING_SURFACE) return 0.25 / SPSI_PI;
     return spsi_phase_at(material, cosine);
 }
 
-/* Begins the next ray at the end of the last one; after an event, in a direction that was drawn with this density. */
+/* Starts at the end of the last ray. `density`: of the direction; negative: no event. */
 static void spsi_path_turn(spsi_path *path, const double direction[3], int face, double density) {
     spsi_along(path->ray.origin, path->ray.direction, path->ray.high, path->ray.origin);
     if (density >= 0) {
@@ -28593,11 +28540,11 @@ static void spsi_path_turn(spsi_path *path, const double direction[3], int face,
     path->face = face;
 }
 
-/* Adds the light that gas at a point scatters along the path: after the first event, none of lights without shadows. */
+/* Lights without shadows count at the first event only. */
 static void spsi_path_light_gas(const spsi_marcher *marcher, const spsi_point *point, const spsi_material *material,
                                 spsi_path *path) {
     const int lights = path->scattered > 0 ? marcher->frame->lights.count : 0; /* the first event's are marched */
-    for (int i = marcher->glow_sum > 0 ? -1 : 0; i < lights; ++i) {            /* -1: what emits */
+    for (int i = marcher->glow_sum > 0 ? -1 : 0; i < lights; ++i) {            /* -1: emission */
         double travel[3], arrives[3], response[3], passes, density;
         spsi_light at;
         if (i < 0)
@@ -28616,7 +28563,7 @@ static void spsi_path_light_gas(const spsi_marcher *marcher, const spsi_point *p
     }
 }
 
-/* Scatters a path in a volume or a set of particles. Gas draws the way on by its phase function, surfaces any way. */
+/* Medium draws directions by phase function, surfaces uniformly. */
 static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample *sample, spsi_path *path) {
     const spsi_material *material = spsi_material_of(marcher->frame, part);
     const int surface = material->table && material->shading == SPS_SHADING_SURFACE;
@@ -28645,8 +28592,7 @@ static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample 
     path->off_face = 0;
 }
 
-/* Adds the light that a surface reflects along the path; from what emits, none from where no path goes, behind the
-   face's plane. */
+/* Excludes emission behind the face's plane, where no path goes. */
 static void spsi_path_light_face(const spsi_marcher *marcher, int face, const double plane[3],
                                  const spsi_surface *surface, const double color[3], spsi_path *path) {
     const int light_count = path->scattered > 0 ? marcher->frame->lights.count : 0;
@@ -28671,7 +28617,7 @@ static void spsi_path_light_face(const spsi_marcher *marcher, int face, const do
     }
 }
 
-/* Lets a path pass a face, or reflects it. Returns 0 if it ends there. */
+/* Transmits or reflects a path. Returns 0 if it ends. */
 static int spsi_path_on_face(const spsi_marcher *marcher, const spsi_hit *hit, spsi_path *path) {
     const spsi_face *face = &marcher->faces->list[hit->face];
     const double passes[3] = {(double)face->transmittance[0], (double)face->transmittance[1],
@@ -28704,7 +28650,7 @@ static int spsi_path_on_face(const spsi_marcher *marcher, const spsi_hit *hit, s
     return 1;
 }
 
-/* Ends paths that no longer matter, at random, so that those which go on stand for them. */
+/* Russian roulette: returns 0 if the path ends. */
 static int spsi_path_goes_on(spsi_path *path) {
     const double most = spsi_dmax(path->weight[0], spsi_dmax(path->weight[1], path->weight[2]));
     const double chance = spsi_dmin(most, SPSI_PATH_GOES_ON);
@@ -28715,7 +28661,6 @@ static int spsi_path_goes_on(spsi_path *path) {
     return 1;
 }
 
-/* Follows a path to its end. */
 static void spsi_path_follow(const spsi_marcher *marcher, spsi_sample *sample, spsi_path *path) {
     const double ambient[3] = {(double)marcher->frame->given.ambient[0], (double)marcher->frame->given.ambient[1],
                                (double)marcher->frame->given.ambient[2]};
@@ -28739,7 +28684,7 @@ static void spsi_path_follow(const spsi_marcher *marcher, spsi_sample *sample, s
 
 /* --- pixels --- */
 
-/* Begins the n-th path of a pixel, through one of its samples, where its ray enters what can be seen. */
+/* Path n goes through one of the pixel's samples. */
 static void spsi_path_begin(const spsi_marcher *marcher, int x, int y, int n, spsi_path *path) {
     const spsi_rays *eye = &marcher->frame->content->eye;
     const int side = marcher->side, sample = n % (side * side);
@@ -28750,7 +28695,7 @@ static void spsi_path_begin(const spsi_marcher *marcher, int x, int y, int n, sp
     path->random = spsi_fingerprint_word(path->random, (uint64_t)y * (uint64_t)eye->width + (uint64_t)x);
     path->random = spsi_fingerprint_word(path->random, (uint64_t)n);
     spsi_ray_direction(eye, at[0], at[1], path->ray.direction);
-    if (!(start > -DBL_MAX)) { /* an orthographic camera without a near plane sees what is behind its origin */
+    if (!(start > -DBL_MAX)) { /* an orthographic camera without near plane sees behind its origin */
         const spsi_bounds *bounds = &marcher->frame->content->bounds;
         start = -4 * marcher->faces->extent;
         spsi_ray_point(eye, at[0], at[1], 0, path->ray.origin);
@@ -28778,10 +28723,9 @@ static void spsi_paths_pixel(const spsi_marcher *marcher, int x, int y, spsi_sam
     }
 }
 
-/* Follows all paths. */
 SPSI_COLD sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher) {
     const int samples = marcher->settings->samples;
-    const double share = (1 - SPSI_MARCH_SHARE) / samples; /* of a path of each pixel */
+    const double share = (1 - SPSI_MARCH_SHARE) / samples; /* per path of each pixel */
     if (spsi_emission_build(context, marcher)) return context->result;
     for (int m = 0; m < marcher->frame->medium_count; ++m)
         spsi_dense_bound(spsi_material_of(marcher->frame, m), &marcher->grids[m]);

@@ -22504,7 +22504,6 @@ typedef struct spsi_cell_sample {
     spsi_v depth, scattered[3], emitted[3];
 } spsi_cell_sample;
 
-/* Samples x..`end` of row y, slab k of the chunk. */
 typedef struct spsi_sample_place {
     int k, y, x, end;
 } spsi_sample_place;
@@ -22573,7 +22572,6 @@ SPSI_COLD double spsi_groups_apart(const spsi_bounds *a, const spsi_bounds *b) {
     return sqrt(square) / spsi_dmax(spsi_dmax(spsi_bounds_longest(a), spsi_bounds_longest(b)), DBL_MIN);
 }
 
-/* Joins the closest groups, if closer than `far_apart`. */
 SPSI_COLD int spsi_groups_join(spsi_groups *groups, double far_apart) {
     int pair[2] = {-1, -1};
     for (int i = 0; i < groups->count; ++i)
@@ -22590,7 +22588,6 @@ SPSI_COLD int spsi_groups_join(spsi_groups *groups, double far_apart) {
     return 1;
 }
 
-/* Adds a box to a group near it, or to a new one. */
 SPSI_COLD void spsi_groups_add(spsi_groups *groups, const spsi_bounds *box, int *last) {
     if (*last >= 0 && spsi_bounds_hold(&groups->list[*last], box->low) &&
         spsi_bounds_hold(&groups->list[*last], box->high))
@@ -22658,7 +22655,6 @@ SPSI_COLD void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid)
         grid->light_count = spsi_imin(SPSI_CELL_SETS / grid->peak_count, frame->lights.whole_count);
 }
 
-/* `versine`: 1 - cosine of the angle to the axis. */
 static void spsi_cone_ray(const spsi_light *light, double versine, double turn, spsi_ray *ray) {
     const double sine = sqrt(versine * (2 - versine));
     ray->low = 0;
@@ -22794,7 +22790,6 @@ static void spsi_sampling_chunk(spsi_sampling *sheets, int chunk, spsi_sample_fn
                       sheets);
 }
 
-/* Adds samples to a row whose entries cover `per_entry` samples each. */
 static void spsi_cells_deposit(float *row, int x, int end, int per_entry, float share, spsi_v amount) {
     float lanes[SPSI_LANES];
     spsi_store(lanes, amount);
@@ -22864,8 +22859,8 @@ SPSI_COLD void spsi_cells_mean_scale(const spsi_cell_job *job) {
 
 #define SPSI_CELL_TEXELS_MOST 256 /* exceeded only to keep two per cell edge */
 
-/* Texels on the longer side of a light's table: four per cell edge. Depth is convex where the medium begins, but linear
-   between texels. In a dense cloud, two lose 1 % of multiple scattering, four a quarter of that, in the same time. */
+/* Texels on a table's longer side: four per cell edge. Depth is convex where the medium begins, but linear between
+   texels. In a dense cloud, two lose 1 % of multiple scattering, four a quarter of that, in the same time. */
 SPSI_COLD int spsi_cell_texels(const spsi_frame *frame) {
     const int cells = frame->view.scattering_resolution;
     return spsi_imax(16, spsi_imin(4 * cells, spsi_imax(SPSI_CELL_TEXELS_MOST, 2 * cells)));
@@ -23028,7 +23023,6 @@ static void spsi_cells_add_light(const spsi_cell_job *job, const spsi_shadow *sh
     }
 }
 
-/* Extinction scale per sample. */
 static spsi_v spsi_cells_scale(const spsi_cell_job *job, size_t row, int channel, int x) {
     const spsi_cell_grid *grid = job->grid;
     float scale[SPSI_LANES];
@@ -23094,7 +23088,6 @@ static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_di
     return spsi_ray_to_opaque(view->faces, ray, hit);
 }
 
-/* True if the next `count` cells of the row may have closed links. */
 static int spsi_cell_view_near(const spsi_cell_view *first, int count) {
     const double edge = first->scale * first->grid->edge, half[3] = {0.5 * edge * (count + 1), edge, edge};
     const double centre[3] = {first->centre[0] + 0.5 * edge * (count - 1), first->centre[1], first->centre[2]};
@@ -23135,7 +23128,6 @@ static void spsi_cell_hits_points(const spsi_cell_hits *hits, int first, int end
     }
 }
 
-/* Lights up to SPSI_PACKET hits by a fraction of one light. */
 static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_light *light, double fraction,
                                  const spsi_shadow *shadow, int first, spsi_cell_hits *hits) {
     const spsi_light *point = &light->points[first / SPSI_PACKET % light->point_count];
@@ -23227,7 +23219,7 @@ static void spsi_cell_blockers_set(const spsi_cell_job *job, const spsi_cell_hit
     }
 }
 
-/* Closed links of a cell. `hits`: their ends, or NULL. */
+/* `hits`: the links' ends, or NULL. */
 static uint32_t spsi_cell_view_closed(const spsi_cell_view *view, spsi_cell_hits *hits) {
     uint32_t closed = 0;
     for (int link = 0; link < 27; ++link) {
@@ -23351,7 +23343,6 @@ static void spsi_beam_light(const spsi_cell_job *job, const spsi_light *light, c
                                    (double)SPSI_RADIANCE_MAX);
 }
 
-/* Adds an emitter per cell edge along a beam. */
 static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_light *light, const spsi_ray *ray, double solid,
                                   spsi_tree_item *items) {
     const spsi_cell_grid *grid = job->grid;
@@ -23421,7 +23412,7 @@ static void spsi_hits_reflect(const spsi_cell_job *job, const spsi_cell_hits *hi
     spsi_emitters_add(flights, point, 0.25 / SPSI_PI, -1, &sum, items);
 }
 
-/* A beam's rays cover equal solid angles. */
+/* Rays cover equal solid angles. */
 static void spsi_beams_list(const spsi_cell_job *job, const spsi_light *light, const spsi_shadow *shadow,
                             spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_cell_view view = {job->faces, job->grid, job->grid->size, 1, {0, 0, 0}, {0, 0, 0}};
@@ -23485,9 +23476,9 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
 
 /* Sets the fraction of each cell's lit polygons that flies: swept, small patches cause ray effects. A patch is lit
    cells joined by open links, and its dark rim, whose polygons may be partly lit. Less than 1/100 of the next cell's
-   light counts as dark, otherwise traces would join patches. Cells are compared with the patch's light spread over the
-   grid's largest side: up to 3 times, they are swept, from 6 on they fly. This fades if patches cover 1/6 of that side,
-   and ends at 1/3. Returns the covered fraction; 0: nothing flies. */
+   light counts as dark, otherwise traces would join patches. Relative to the patch's light spread over the grid's
+   largest side, cells are swept up to 3, and fly from 6 on. This fades if patches cover 1/6 of the side, and ends at
+   1/3. Returns the covered fraction; 0: nothing flies. */
 static double spsi_patches_find(const spsi_cell_job *job) {
     const int *size = job->grid->size, pitch = job->grid->pitch;
     const double side = (double)size[0] * size[1] * size[2] / spsi_imin(size[0], spsi_imin(size[1], size[2]));
@@ -23528,7 +23519,7 @@ static size_t spsi_beam_steps(const spsi_cell_grid *grid) {
     return (size_t)(grid->size[0] + grid->size[1] + grid->size[2]) + 2;
 }
 
-/* Builds all trees, once for all grids. */
+/* Once for all grids. */
 static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     const spsi_frame *frame = job->frame;
     spsi_flights *trees = job->flights;
@@ -23584,7 +23575,6 @@ static sps_result spsi_cells_fly_to(spsi_cell_job *job) {
 
 /* --- all lights --- */
 
-/* Lights cells and, by first flights, their polygons. */
 static void spsi_cells_light_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
@@ -23847,7 +23837,6 @@ static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     return some;
 }
 
-/* `fraction`: of the swept emission. */
 static void spsi_cells_send_emission(const spsi_cell_job *job, int channel, float fraction) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const float *emitted = job->emitted + (size_t)channel * job->grid->count;
@@ -23855,8 +23844,8 @@ static void spsi_cells_send_emission(const spsi_cell_job *job, int channel, floa
         if (level->depth[at] > 0) level->sent[at] += fraction * emitted[at] / level->depth[at];
 }
 
-/* Sweeps once more without first flights. `light`, for cells, loses the emitters' light that flies to cells. Light for
-   polygons loses all of it, and emission that flies to polygons only. */
+/* Sweeps once more without first flights. `light`, for cells, loses the emitters' light that flies to cells; light for
+   polygons loses all of it, and emission for polygons only. */
 static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *light) {
     spsi_cell_level *level = &job->solver->levels[0];
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;
@@ -23975,8 +23964,8 @@ static void spsi_cells_place_patches(const spsi_cell_solver *solver, const spsi_
 }
 
 /* Light leaving a patch: pi times the radiance along rays from its centre. Dividing by the opacity of a uniform medium
-   removes the grid's shape. The smooth ratio is stored as harmonics, scaled to the rays' flux. Sums opposed to the flux
-   count as 0, as on surfaces. */
+   removes the grid's shape. The smooth ratio is stored as harmonics, scaled to the rays' flux. Opposite signs count as
+   0, as on surfaces. */
 static void spsi_cell_patches_task(void *data, int patch) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->leaves;
@@ -24042,7 +24031,7 @@ static void spsi_cells_single_task(void *data, int row) {
     }
 }
 
-/* Stores flux and the light leaving patches. Without polygons inside, patches are scaled to the cells' net emission. */
+/* Without polygons inside, patches are scaled to the cells' net emission. */
 SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_cell_grid *leaves) {
     spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
@@ -24265,8 +24254,8 @@ static uint64_t spsi_cells_fingerprint(const sps_context *context, const spsi_fr
     return hash;
 }
 
-/* True if light made for `key` is cached. Clears cells_held, since a failing call may leave partial data; the maker
-   sets it again. */
+/* True if light made for `key` is cached. Clears cells_held until it is remade: a failing call may leave partial
+   data. */
 SPSI_COLD int spsi_scattered_take(sps_context *context, uint64_t key) {
     const int held = key != 0 && key == context->cells_held;
     context->cells_held = 0;
@@ -24378,7 +24367,7 @@ static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *gr
         }
 }
 
-/* Places one grid per group. Returns their number. */
+/* Returns the number of grids. */
 SPSI_COLD int spsi_cells_place_all(const sps_context *context, const spsi_frame *frame, spsi_groups *groups,
                                    spsi_cell_grid *grids) {
     int count = 0;
@@ -24454,7 +24443,6 @@ SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* Reuses the last call's light if possible. */
 static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                   const spsi_call_stage *part) {
     const double start = spsi_clock(context);
@@ -24550,7 +24538,7 @@ static void spsi_spread_add_sample(const void *data, const spsi_sample_place *pl
     }
 }
 
-/* Polygons block and filter scattered light like the direct ray. */
+/* Polygons block scattered light like the direct ray. */
 static void spsi_spread_polygons(const spsi_spread_job *job, const spsi_cell_spot *spot, size_t texel, size_t at,
                                  spsi_v filter[3]) {
     const spsi_v one = spsi_set(1);
@@ -24570,8 +24558,8 @@ static void spsi_spread_polygons(const spsi_spread_job *job, const spsi_cell_spo
     }
 }
 
-/* Mean of a spotlight's cone over a square of texels. Squares on the rim are split until small, which conserves light
-   on any number of texels. */
+/* Mean of a spotlight's cone over a square of texels. Squares on the rim are split until small, which conserves
+   light. */
 static double spsi_spread_cone(const spsi_light *light, const spsi_rays *rays, double x, double y, double size) {
     const double outer = 2 * asin(spsi_dmin(sqrt(0.5 * light->cone.none), 1));
     const double inner = 2 * asin(spsi_dmin(sqrt(0.5 * spsi_dmax(light->cone.none - light->cone.rim, 0)), 1));
@@ -24876,22 +24864,20 @@ SPSI_COLD size_t spsi_spreads_bytes(const spsi_frame *frame) {
 }
 
 /* ================================================================================================ >>sweep
-   33 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which read the light's
-   results. Empty chunks are almost free. Patches whose rays have all ended are not shaded. */
+   33 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which read them. Empty chunks
+   are almost free. Patches whose rays have all ended are not shaded. */
 
-/* Tiles that the rendered region touches. */
 typedef struct spsi_region {
     int x0, y0, columns, rows; /* tiles */
     uint64_t *open;            /* per tile: bits of patches with unfinished rays */
-    int outside;               /* tiles without pixels in the sweep's part of the image */
-    float (*polygon_range)[3]; /* per tile: least and greatest slab coordinate of its polygons, and least depth */
-    spsi_task_order turns;     /* order of the tiles */
+    int outside;               /* tiles outside of the sweep's part */
+    float (*polygon_range)[3]; /* per tile: polygons' slab range, and least depth */
+    spsi_task_order turns;
 } spsi_region;
 
 #define SPSI_REGION_TILE_BYTES (sizeof(uint64_t) + 3 * sizeof(float) + SPSI_TASK_ORDER_BYTES)
 
-/* Shared by the tasks of a sweep. A task writes only its tile's pixels, planes and flags, and its worker's sheets,
-   scratch memory and counters. */
+/* A task writes only its tile's pixels, planes and flags, and its worker's sheets, scratch memory and counters. */
 typedef struct spsi_run {
     sps_context *context;
     spsi_contents contents;
@@ -24900,7 +24886,7 @@ typedef struct spsi_run {
     int has_sliced;         /* 1: medium casts that shadow */
     spsi_shader shader;
     spsi_shadow *shadows;
-    spsi_sample *samples;   /* workers' scratch memory */
+    spsi_sample *samples;   /* scratch memory */
     spsi_arrival *arrivals; /* per shadow and worker */
     uint64_t *shaded;       /* per worker: pixels times slabs */
     int slab_count;         /* 0: polygons only */
@@ -24922,7 +24908,7 @@ static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
                                    spsi_imin(SPSI_TILE_HEIGHT, shader->eye->height - y0), shader->end_depth);
 }
 
-/* Clips a tile's sections at the near plane, and at polygons in the chunk or nearer to the eye. */
+/* Clips at the near plane, and at polygons in the chunk or nearer to the eye. */
 static void spsi_tile_limit(const spsi_run *run, int index, spsi_tile *tile) {
     const spsi_rays *eye = &run->shader.frame->content->eye;
     const float *range = run->region.polygon_range[index];
@@ -24996,7 +24982,7 @@ static void spsi_layers_range(const spsi_shader *shader, const spsi_pixels *p, i
     }
 }
 
-/* Slab range and least depth of a tile's polygons. Opens all patches. */
+/* Opens all patches. */
 static void spsi_polygon_range_task(void *data, int index) {
     spsi_run *run = (spsi_run *)data;
     spsi_region *region = &run->region;
@@ -25098,13 +25084,12 @@ SPSI_COLD sps_result spsi_run_scratch(sps_context *context, spsi_run *run) {
     return run->samples && run->arrivals ? SPS_OK : context->result;
 }
 
-/* The workers' counters follow the run. */
+/* Counters follow the run. */
 static spsi_run *spsi_run_reserve(sps_context *context) {
     const size_t counters = (size_t)spsi_worker_count(context) * sizeof(uint64_t);
     return (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, sizeof(spsi_run) + counters);
 }
 
-/* Number of finished tiles. */
 static int spsi_region_ended(const spsi_region *region) {
     int ended = 0;
     for (int i = 0; i < region->columns * region->rows; ++i) ended += region->open[i] == 0;
@@ -25213,15 +25198,14 @@ SPSI_COLD sps_result spsi_run_sweep(spsi_run *run, const spsi_call_stage *part) 
 
 /* =============================================================================================== >>budget
    34 Choosing settings within a budget, from three ladders of presets: medium, points of area lights, and cells. Time
-   is each stage's work, in pixels, slabs, texels, points and cells, times the context's last rate on that preset. If
-   unknown, the nearest known preset or a start value serves. Finer settings never count as faster, unless parts are
-   cached, or the coarser one splatted volumes in thick slabs. Error is twice the worst of a list of scenes per preset,
-   added by squares. tests/budget.c prints both tables (make budget-fit). Cost: aiming lights and placing slabs per
-   preset of medium and points. */
+   is each stage's work times the rate last measured on that preset, or the nearest, or start values. Finer settings
+   never count as faster, except for cached parts and coarse slabs that were splatted. Error is twice the worst of a
+   list of scenes, added by squares; tests/budget.c prints both tables (make budget-fit). Cost: aiming lights and
+   placing slabs per preset of medium and points. */
 
 /* --- presets --- */
 
-/* Medium preset: slabs in voxels, 0: set by quality. */
+/* Slabs in voxels, 0: set by quality. */
 typedef struct spsi_preset {
     sps_quality quality;
     double slab_thickness;
@@ -25235,7 +25219,7 @@ static const spsi_preset spsi_presets[SPSI_PRESETS] = {{SPS_QUALITY_DRAFT, 8, 0.
 static const int spsi_point_presets[SPSI_POINT_PRESETS] = {4, 16, 64, 256};
 static const int spsi_cell_presets[SPSI_CELL_PRESETS] = {24, 48, 96, 192};
 
-/* Classified volumes gain nothing from thick slabs or tolerances: their lowest presets are equal. */
+/* Classified volumes gain nothing from thick slabs or tolerances. */
 static spsi_preset spsi_preset_of(const spsi_frame *frame, int rung) {
     spsi_preset preset = spsi_presets[rung];
     if (frame->matter.classifies) preset.slab_thickness = 0, preset.tolerance = 0;
@@ -25270,7 +25254,7 @@ SPSI_COLD sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame,
 
 /* --- cost of a setting --- */
 
-/* Pixels of the region in the medium's box; all if it reaches behind the eye. */
+/* Pixels in the medium's box; all if it reaches behind the eye. */
 SPSI_COLD double spsi_covered_pixels(const spsi_frame *frame) {
     const int *region = frame->view.region;
     double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL}, area = 1;
@@ -25287,7 +25271,7 @@ SPSI_COLD double spsi_covered_pixels(const spsi_frame *frame) {
     return area;
 }
 
-/* Returns the number of slabs; 0: nothing to cut; infinity: rendering would refuse it. */
+/* Returns the number of slabs; 0: nothing to cut; infinity: too many. */
 SPSI_COLD double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *sweep) {
     const double edge = spsi_sweep_begin(frame, n, 0, sweep);
     double count;
@@ -25298,7 +25282,7 @@ SPSI_COLD double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *swe
 }
 
 #define SPSI_POINT_TEXEL_UNITS 0.25 /* per penumbra point and texel of a slab */
-#define SPSI_POINT_PIXEL_UNITS 7    /* per point and pixel of polygons, in pixels of slabs */
+#define SPSI_POINT_PIXEL_UNITS 7    /* per point and pixel of polygons */
 
 SPSI_COLD void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3], covered = spsi_covered_pixels(frame);
@@ -25344,7 +25328,7 @@ SPSI_COLD void spsi_work_add_maps(sps_context *context, const spsi_frame *frame,
     }
 }
 
-/* Cells of all channels, doubled by polygons; 0 without multiple scattering. */
+/* Doubled by polygons; 0 without multiple scattering. */
 SPSI_COLD double spsi_work_cells(const spsi_frame *frame) {
     spsi_cell_grid grid;
     if (!spsi_scatters_fully(frame) && !spsi_scatters_aside(frame)) return 0;
@@ -25357,7 +25341,6 @@ static const double spsi_fixed_units[SPSI_STAGE_COUNT] = {1e4, 1e4, 5e3, 3e4, 10
 
 #define SPSI_DEPTH_TEXEL_UNITS 0.15 /* depth map texel, in pixels */
 
-/* Pixels, shadow rays and, with a medium, depth maps. */
 SPSI_COLD void spsi_work_add_surfaces(const spsi_frame *frame, spsi_work *work) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     double *units = &work->units[SPSI_STAGE_SURFACES];
@@ -25375,7 +25358,7 @@ SPSI_COLD void spsi_work_add_surfaces(const spsi_frame *frame, spsi_work *work) 
     }
 }
 
-/* Excludes reading, and cells, which are chosen separately. `voxels`: read or planned. */
+/* Excludes reading and cells. `voxels`: read or planned. */
 SPSI_COLD void spsi_work_count(sps_context *context, spsi_frame *frame, double voxels, uint64_t gas, spsi_work *work) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     memset(work, 0, sizeof *work);
@@ -25401,7 +25384,7 @@ SPSI_COLD int spsi_stage_preset(spsi_stage stage, const spsi_setting *setting) {
     return stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD ? setting->cells : setting->gas;
 }
 
-/* The context's rate, or the nearest known one in proportion to start values. */
+/* Scales the nearest measured rate in proportion to start values. */
 SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const spsi_setting *setting) {
     const double *known = context->pace.rates[stage], *start = spsi_start_rates[stage];
     const int preset = spsi_stage_preset(stage, setting), cells = stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD;
@@ -25417,17 +25400,17 @@ SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const s
 
 /* --- expected error --- */
 
-/* Twice the worst root mean square error relative to the mean, if the medium filled the image. It is measured in the
-   scenes and a puff of 25 voxels. The thickest slabs count three times: they vary most around a light. The finest
-   presets include detail that voxels do not resolve. */
+/* Twice the worst root mean square error relative to the mean, had the medium filled the image. Scenes include a puff
+   of 25 voxels. The thickest slabs have three times: they vary most around a light. The finest presets include detail
+   that voxels do not resolve. */
 static const double spsi_gas_errors[2][SPSI_PRESETS] = {{0.4, 0.2, 0.055, 0.02, 0.006, 0.004, 0.0035},
                                                         {0.14, 0.14, 0.14, 0.07, 0.036, 0.029, 0.028}};
-/* Errors of spheres in shadowed light, per optical depth of their diameters. */
+/* Spheres in shadowed light, per optical depth of diameters. */
 static const double spsi_sphere_errors[SPSI_PRESETS] = {5, 3.1, 1.7, 0.83, 0.26, 0.26, 0.097};
 static const double spsi_point_errors[SPSI_POINT_PRESETS] = {0.31, 0.11, 0.038, 0.014};
 static const double spsi_cell_errors[SPSI_CELL_PRESETS] = {0.28, 0.13, 0.065, 0.043};
 
-/* Error of a light's points. Below the lowest preset, it scales with their distance. */
+/* Below the lowest preset, error scales with the points' distance. */
 SPSI_COLD double spsi_light_error(const spsi_light *light, const spsi_setting *setting) {
     int at = 0;
     if (!light->extent.exists || !light->shadows) return 0;
@@ -25436,8 +25419,7 @@ SPSI_COLD double spsi_light_error(const spsi_light *light, const spsi_setting *s
     return spsi_point_errors[at] * spsi_dmax(1, sqrt((double)spsi_point_presets[0] / light->samples));
 }
 
-/* Mean optical depth along diameters of scattering particles, weighted by the light each receives: its disc, or less if
-   thin. 0 before they are read. */
+/* Mean along diameters of scattering particles, weighted by the light each receives. 0 before they are read. */
 SPSI_COLD double spsi_spheres_depth(const spsi_frame *frame) {
     double sum = 0, weights = 0;
     for (int i = 0, n = 0; i < frame->particles.set_count && frame->content->particle_count > 0; ++i) {
@@ -25454,7 +25436,7 @@ SPSI_COLD double spsi_spheres_depth(const spsi_frame *frame) {
 }
 
 /* Before black, medium with relative error e, covering a fraction c of the pixels, has error e / sqrt(c) in the image.
-   Invisible medium may still shade polygons. `spheres`: depth of scattering particles. */
+   Invisible medium may shade polygons. `spheres`: depth of particles. */
 SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting *setting, double spheres) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     const double covered = spsi_dmin(spsi_covered_pixels(frame), pixels);
@@ -25492,7 +25474,7 @@ SPSI_COLD spsi_setting spsi_candidate_setting(int n) {
     return setting;
 }
 
-/* Within the budget, the better open quantity wins; otherwise, the one nearer to the budget. */
+/* Within the budget, the better open quantity wins; otherwise, the nearer to the budget. */
 SPSI_COLD int spsi_candidate_beats(const sps_view *view, const spsi_candidate *a, const spsi_candidate *b) {
     const int timed = view->budget_seconds > 0;
     const double most = timed ? view->budget_seconds : view->budget_error;
@@ -25504,7 +25486,7 @@ SPSI_COLD int spsi_candidate_beats(const sps_view *view, const spsi_candidate *a
     return open[0] < open[1];
 }
 
-/* Counts cells as cached if a frame with this setting made the same light. */
+/* Cells are cached if a frame with this setting made the same light. */
 SPSI_COLD void spsi_work_count_cells(const sps_context *context, const spsi_frame *frame, const spsi_setting *setting,
                                      spsi_work *work) {
     const spsi_rates *pace = &context->pace;
@@ -25529,7 +25511,7 @@ static void spsi_candidate_time(const sps_context *context, const spsi_work *wor
     }
 }
 
-/* Candidates for all cell presets, starting at `first`. `work` has everything else. */
+/* Starts at `first`. `work` has everything but cells. */
 SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, double spent, double spheres,
                                     spsi_work *work, int first, spsi_candidate *candidates) {
     const spsi_setting *only = context->pace.only;
@@ -25548,7 +25530,7 @@ SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, dou
     }
 }
 
-/* Largest bound one preset below if `sign` is 1, least bound above if -1. */
+/* Largest bound one preset below if `sign` is 1, least above if -1. */
 SPSI_COLD double spsi_candidate_bound(const double *bounds, int n, int sign) {
     static const int strides[3] = {SPSI_POINT_PRESETS * SPSI_CELL_PRESETS, SPSI_CELL_PRESETS, 1};
     static const int sizes[3] = {SPSI_PRESETS, SPSI_POINT_PRESETS, SPSI_CELL_PRESETS};
@@ -25561,9 +25543,9 @@ SPSI_COLD double spsi_candidate_bound(const double *bounds, int n, int sign) {
     return bound;
 }
 
-/* Makes time rise with quality, except for cached parts. A measured setting bounds its unknown neighbours; among
-   unknown ones, the finer bounds the coarser. Start values come from scenes with another split between stages. Splatted
-   thick slabs bound nothing: gathering thinner ones may be faster. */
+/* Makes time rise with quality, except for cached parts. A measured setting bounds unknown neighbours; otherwise the
+   finer bounds the coarser. Start values come from scenes with another split between stages. Splatted thick slabs bound
+   nothing: gathering thinner ones may be faster. */
 SPSI_COLD void spsi_candidates_order(const spsi_rates *pace, spsi_candidate *candidates) {
     double bounds[SPSI_CANDIDATES];
     for (int n = 0; n < SPSI_CANDIDATES; ++n) {
@@ -25597,8 +25579,7 @@ SPSI_COLD void spsi_budget_report(const spsi_frame *frame, const spsi_candidate 
         spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? frame->view.scattering_resolution : 0;
 }
 
-/* `spent`: seconds until everything is read. If nothing can be rendered, the coarsest setting is chosen, and refused
-   later. */
+/* `spent`: seconds until everything is read. If nothing can be rendered, the coarsest setting is refused later. */
 SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, double spent, double voxels,
                                         sps_budget_report *report) {
     const spsi_setting *only = context->pace.only;
@@ -26554,10 +26535,9 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
 /* ============================================================================================ >>reference
    37 Brute-force reference in double precision. f(p) is summed over all voxels within SPSI_REFERENCE_REACH and marched
    at midpoints of equal steps, with a shadow ray per sample. Triangles and spheres are intersected exactly, through
-   trees of boxes. The renderer's response of samples (in floats) and surfaces to light, and its ray-triangle test
-   (>>polygons), are reused, but no other light transport. Second order in the step. Rays march in rounds between
-   translucent triangles, so that shade_fn can be called for all pixels in between. Cost: pixels * samples per ray * (1
-   + lights * samples per shadow ray) * 343 voxels. */
+   trees of boxes. The response of samples (in floats) and surfaces to light and the ray-triangle test (>>polygons) are
+   the renderer's. Second order in the step. Rays march in rounds between translucent triangles, so that shade_fn serves
+   all pixels in between. Cost: pixels * samples per ray * (1 + lights * samples per shadow ray) * 343 voxels. */
 
 #define SPSI_REFERENCE_REACH  3.25 /* voxels, 5 standard deviations: 2e-6 of the kernel's mass is beyond */
 #define SPSI_REFERENCE_TAPS   8
@@ -26567,7 +26547,7 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
 
 typedef struct spsi_dense {
     float *values;
-    float *most;          /* per brick: maximum of it and its neighbours */
+    float *most;          /* per brick: maximum with neighbours */
     float *bound;         /* per brick: upper bound of extinction, for paths */
     double all_most;      /* maximum value, for bounds */
     int size[3];          /* voxels */
@@ -26580,19 +26560,19 @@ typedef struct spsi_enclosure {
     double low, high;
 } spsi_enclosure;
 
-/* A pixel's ray between translucent faces. Without bounds, low and high are equal. */
+/* Low and high differ only with bounds. */
 typedef struct spsi_walker {
     spsi_enclosure colors[3];      /* sums over finished samples */
-    double coverage, distance_sum; /* likewise: distance weighted by coverage */
-    double paths[3], squares[3];   /* sums over paths: radiance, and its square */
+    double coverage, distance_sum; /* likewise */
+    double paths[3], squares[3];   /* sums over paths: radiance and its square */
     spsi_enclosure radiance[3];    /* light from before `low` */
-    spsi_enclosure scattered[3];   /* medium's light there, if bounded; otherwise in `radiance` */
-    double source[3];              /* greatest radiance of that medium, were it opaque */
+    spsi_enclosure scattered[3];   /* medium's light there, if bounded */
+    double source[3];              /* its greatest radiance, were it opaque */
     double filter[3];              /* transmittance of its polygons */
     spsi_enclosure gas;            /* optical depth of its medium */
     double distance;               /* weighted by absorption */
-    double low, high;              /* part before the next face, in world length */
-    double depth;                  /* next face's t - depth_reference; infinity: none */
+    double low, high;              /* part before the next face, world length */
+    double depth;                  /* t - depth_reference of the next face; infinity: none */
     spsi_hit hit;                  /* next face */
     int ended;                     /* 1: nothing more is visible */
 } spsi_walker;
@@ -26601,28 +26581,27 @@ typedef struct spsi_marcher {
     const spsi_frame *frame;
     const spsi_faces *faces;
     spsi_dense grids[SPSI_VOLUMES_MAX]; /* one per volume */
-    spsi_tree particles;                /* all sets */
+    spsi_tree particles;
     int part_count;                     /* volumes, then sets of particles */
     const sps_reference_settings *settings;
     int forward;          /* 1: forward multiple scattering, in closed form */
     double step;          /* most, in world length */
-    spsi_bounds bounds;   /* all medium */
+    spsi_bounds bounds;
     int light_count;      /* bounds: lights that volumes scatter */
-    float *total;         /* the region's pixels, spsi_total_floats each */
-    int first_row;        /* of the batch, in the region */
-    spsi_walker *walkers; /* one per pixel of the region */
-    int side;             /* samples along a pixel's side */
-    int sample;           /* current one */
-    int from, to;         /* current paths */
-    /* Work at a pixel: its ray up to the next face, or its paths. */
+    float *total;         /* spsi_total_floats per pixel of the region */
+    int first_row;        /* batch's, in the region */
+    spsi_walker *walkers; /* per pixel of the region */
+    int side;             /* samples per pixel side */
+    int sample;
+    int from, to;
     void (*pixel)(const struct spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker);
     spsi_hit *hits;       /* whole image, for shade_fn; NULL: not needed */
-    spsi_visible visible; /* the hits, with shade_fn's results */
+    spsi_visible visible;
     spsi_sample *samples; /* per part and worker */
-    const double *glow;   /* for paths: cumulative emission of rows of voxels, then of particles */
+    const double *glow;   /* cumulative emission of rows of voxels, then of particles, for paths */
     size_t glow_count;
     double glow_sum; /* total; 0: nothing emits */
-    /* Follows a step halved `halvings` times. Returns 0 if the rest is hidden. */
+    /* After `halvings` halvings. Returns 0 if the rest is hidden. */
     int (*follow)(const struct spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
                   spsi_walker *walker);
     spsi_enclosure (*shade)(const struct spsi_marcher *marcher, const spsi_light *light, const double point[3]);
@@ -26633,7 +26612,7 @@ SPSI_COLD spsi_enclosure spsi_enclosure_of(double low, double high) {
     return interval;
 }
 
-/* Adds low..high, neither of them negative. */
+/* Adds low..high >= 0. */
 SPSI_COLD void spsi_enclosure_add(spsi_enclosure *sum, double low, double high) {
     sum->low += low;
     sum->high += high;
@@ -26646,8 +26625,8 @@ SPSI_COLD spsi_enclosure spsi_enclosure_transmittance(spsi_enclosure depth) {
 
 /* --- the field --- */
 
-/* Gaussian taps, the first `d` standard deviations before a place. `slopes`: derivatives, or NULL. Neighbouring weights
-   have a ratio, which itself changes by a constant factor. */
+/* Gaussian taps, the first `d` standard deviations before a place. `slopes`: derivatives, or NULL. Ratios of
+   neighbouring weights change by a constant factor. */
 static void spsi_gauss_taps(double d, double scale, int count, double *weights, double *slopes) {
     const double step = 1 / SPSI_SIGMA, bend = exp(-step * step);
     double weight = scale / (sqrt(2 * SPSI_PI) * SPSI_SIGMA) * exp(-0.5 * d * d), change = exp(step * (d - 0.5 * step));
@@ -26669,7 +26648,7 @@ static int spsi_field_taps(double at, int size, int *count, double *weights, dou
     return first;
 }
 
-/* True if all voxels within `reach` are 0. */
+/* True if voxels within `reach` are 0. */
 static int spsi_dense_empty(const spsi_dense *grid, const double at[3], double reach) {
     int index = 0;
     for (int i = 2; i >= 0; --i) {
@@ -26680,8 +26659,8 @@ static int spsi_dense_empty(const spsi_dense *grid, const double at[3], double r
     return !(grid->most[index] > 0);
 }
 
-/* f at a world point; `gradient`: in the world, or NULL. Rows are summed before weighting along x, since independent
-   sums are faster. */
+/* f at a world point; `gradient`: in the world, or NULL. Rows are summed before weighting along x: independent sums are
+   faster. */
 static double spsi_field(const spsi_dense *grid, const double point[3], double gradient[3]) {
     double offset[3], at[3], w[3][SPSI_REFERENCE_TAPS], s[3][SPSI_REFERENCE_TAPS], sum = 0, g[3] = {0, 0, 0};
     double row[SPSI_REFERENCE_TAPS] = {0}, by_y[SPSI_REFERENCE_TAPS] = {0}, by_z[SPSI_REFERENCE_TAPS] = {0};
@@ -26715,15 +26694,15 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double g
     return sum;
 }
 
-/* Chord through a sphere, on which s runs from -1 to 1. Its optical depth is multiplied by s / 2 for density 1, and 3 s
-   / 4 - s^3 / 4 for density 1 - (r / radius)^2. */
+/* Chord through a sphere, with s in -1..1. Optical depth is the chord's times s / 2 for density 1. For density 1 - (r /
+   radius)^2, it is times 3 s / 4 - s^3 / 4. */
 typedef struct spsi_ray_chord {
-    double depth;        /* whole chord */
-    double middle, half; /* position of s = 0; half length */
-    double at[2];        /* that function at the segment's ends */
+    double depth;
+    double middle, half; /* where s is 0; half length */
+    double at[2];        /* the function at the segment's ends */
 } spsi_ray_chord;
 
-/* Returns 0 if the ray's line misses the sphere. */
+/* Returns 0 if the line misses the sphere. */
 static int spsi_ray_chord_in_sphere(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set,
                                     spsi_ray_chord *chord) {
     const double radius = (double)particle->radius;
@@ -26742,7 +26721,7 @@ static int spsi_ray_chord_in_sphere(const spsi_ray *ray, const sps_particle *par
     return 1;
 }
 
-/* Sum over all particles on a segment; `depths`: per set. */
+/* `depths`: per set. */
 static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
     const spsi_frame *frame = marcher->frame;
     double sum = 0;
@@ -26760,7 +26739,7 @@ static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *
     return sum;
 }
 
-/* Starts at the near plane. Returns the length per unit of t. */
+/* Starts at the near plane. Returns length per unit of t. */
 static double spsi_march_ray(const spsi_rays *eye, int x, int y, spsi_ray *ray) {
     spsi_ray_point(eye, x, y, 0, ray->origin);
     spsi_ray_direction(eye, x, y, ray->direction);
@@ -26771,8 +26750,8 @@ static double spsi_march_ray(const spsi_rays *eye, int x, int y, spsi_ray *ray) 
     return length;
 }
 
-/* Intersects a face like the rasteriser, but in double precision. Faces are ordered by depth, then number. Returns 0
-   unless the hit lies between `after` and `nearest`. */
+/* Intersects a face like the rasteriser, but in double precision. Faces are ordered by depth, then number: the hit must
+   lie between `after` and `nearest`. */
 static int spsi_march_face(const spsi_marcher *marcher, int number, int x, int y, const spsi_walker *after,
                            spsi_walker *nearest) {
     const spsi_rays *eye = &marcher->frame->content->eye;
@@ -26848,7 +26827,6 @@ SPSI_COLD int spsi_march_range(const spsi_marcher *marcher, const spsi_ray *ray,
     return (int)spsi_dmin(spsi_dmax(ceil((range[1] - range[0]) / marcher->step), 1), 1e8);
 }
 
-/* Step i of `count`. */
 static spsi_ray spsi_march_part(const spsi_ray *ray, const double range[2], int i, int count) {
     const double h = (range[1] - range[0]) / count, middle = range[0] + (i + 0.5) * h;
     spsi_ray part = *ray;
@@ -26876,7 +26854,6 @@ static double spsi_extinction_at(const spsi_material *material, double f, float 
     return (double)appearance[3];
 }
 
-/* Optical depth between a point and a light. */
 static spsi_enclosure spsi_march_light(const spsi_marcher *marcher, const spsi_light *light, const double point[3]) {
     double range[2], depths[SPSI_SETS_MAX], depth;
     spsi_ray ray;
@@ -26897,7 +26874,6 @@ static spsi_enclosure spsi_march_light(const spsi_marcher *marcher, const spsi_l
     return spsi_enclosure_of(depth, depth);
 }
 
-/* Surfaces get their normal from the field's gradient. */
 static void spsi_march_sample(const spsi_material *material, const float appearance[4], const double gradient[3],
                               spsi_sample *sample) {
     double n[3] = {-gradient[0], -gradient[1], -gradient[2]};
@@ -26911,10 +26887,10 @@ static void spsi_march_sample(const spsi_material *material, const float appeara
     sample->has_normal = 1;
 }
 
-/* A step along a ray: volumes at its middle, particles averaged over it. */
+/* Volumes are sampled at the middle of a step, particles averaged over it. */
 typedef struct spsi_point {
-    double position[3];                    /* middle of the step, in the world */
-    double direction[3];                   /* unit vector along the eye's ray */
+    double position[3];                    /* middle of the step */
+    double direction[3];                   /* unit vector from the eye */
     double half;                           /* half length */
     double pixel;                          /* world size of a pixel there */
     double value[SPSI_MATERIALS_MAX];      /* per part; for particles, extinction */
@@ -26932,7 +26908,6 @@ SPSI_COLD void spsi_point_take(spsi_point *point, int part, double value, double
     point->extinction_sum += extinction;
 }
 
-/* The ray's direction has unit length. */
 static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_point *point) {
     const spsi_frame *frame = marcher->frame;
     double depths[SPSI_SETS_MAX], depth[3];
@@ -26966,8 +26941,7 @@ SPSI_COLD int spsi_reference_points(const spsi_light *light) {
     return light->samples > 0 ? light->samples : SPSI_REFERENCE_POINTS;
 }
 
-/* Low-discrepancy sequence [Roberts 2018, R2], shifted by a hash of the place. Its error is noise that averages out
-   along a ray. */
+/* Low-discrepancy sequence [Roberts 2018, R2], shifted by a hash of the place: its error averages out along a ray. */
 static void spsi_reference_point(const spsi_light *light, const double place[3], int n, spsi_light *point) {
     const uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, place, 3 * sizeof *place);
     const double x = 0.75487766624669276 * (n + 1) + (double)(hash >> 40) / 16777216;
@@ -26981,7 +26955,7 @@ static void spsi_reference_point(const spsi_light *light, const double place[3],
         spsi_light_place(light, 2 * u - 1, 2 * v - 1, point);
 }
 
-/* Mean of 1 / r^2 over a step, as the renderer computes it, but in double precision. */
+/* Mean of 1 / r^2 over a step, as in the renderer. */
 static double spsi_point_inverse_square(const spsi_point *point, const double from[3]) {
     double offset[3], foot[3], s, q, x, y;
     spsi_along(point->position, from, -1, offset);
@@ -26993,7 +26967,7 @@ static double spsi_point_inverse_square(const spsi_point *point, const double fr
     return y < 1e-6 * x ? 1 / x : atan2(y, x) / y;
 }
 
-/* Irradiance from one point of a light, past polygons but through no medium. Returns 0 if there is none. */
+/* Irradiance past polygons but through no medium. Returns 0 if there is none. */
 static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *point, const spsi_light *light,
                               double travel[3], double arrives[3]) {
     double image[3] = {1, 1, 1}, passes[3] = {1, 1, 1}, irradiance = 1;
@@ -27008,7 +26982,7 @@ static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *poi
     return 1;
 }
 
-/* Reflected or scattered fraction towards the eye, by color. */
+/* Fraction sent towards the eye, by color. */
 static void spsi_march_response(const spsi_material *material, const spsi_sample *sample, const double toward[3],
                                 const double travel[3], double response[3]) {
     spsi_v toward_v[3], travel_v[3], all[3];
@@ -27021,10 +26995,10 @@ static void spsi_march_response(const spsi_material *material, const spsi_sample
 /* Radiance per unit of length towards the eye. */
 typedef struct spsi_source {
     double once[3];  /* not yet attenuated */
-    double again[3]; /* forward multiple scattering: attenuation is included */
+    double again[3]; /* forward multiple scattering, attenuated */
 } spsi_source;
 
-/* Fraction of X shown at depth t. `taken`: depth at which X is evaluated. */
+/* Fraction of X shown at depth t. `taken`: depth for X. */
 SPSI_COLD double spsi_forward_fade(double t, double *taken) {
     const double from = spsi_forward_depth(SPSI_FORWARD_SIZE - 2), end = (double)SPSI_FORWARD_END;
     *taken = spsi_dmin(t, from);
@@ -27032,8 +27006,7 @@ SPSI_COLD double spsi_forward_fade(double t, double *taken) {
     return spsi_dmin((4 / (t + 4) - 4 / (end + 4)) / (4 / (from + 4) - 4 / (end + 4)), 1); /* 1 - u = 4 / (t + 4) */
 }
 
-/* Forward multiple scattering by the series itself, per unit of a sample's optical depth and of irradiance without
-   medium. */
+/* Forward multiple scattering by the series, per unit of a sample's optical depth and unattenuated irradiance. */
 SPSI_COLD void spsi_march_forward(const spsi_material *material, const spsi_sample *sample, double cosine, double depth,
                                   double sent[3]) {
     float last = 0;
@@ -27201,7 +27174,7 @@ SPSI_COLD void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sam
 
 static int spsi_march_spans(int width) { return (width + SPSI_MARCH_SPAN - 1) / SPSI_MARCH_SPAN; }
 
-/* With a whole row per task, workers would wait for the slowest. */
+/* Whole rows per task would make workers wait. */
 static void spsi_march_span_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
     const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
@@ -27212,10 +27185,10 @@ static void spsi_march_span_task(void *data, int index, int worker) {
                        &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x]);
 }
 
-/* `done`: progress of the call so far. */
+/* `done`: progress so far. */
 static sps_result spsi_march_pixels(sps_context *context, spsi_marcher *marcher, double done, double share) {
     const int *region = marcher->frame->view.region;
-    const int rows = spsi_worker_count(context); /* between calls of progress_fn: one row can take a second */
+    const int rows = spsi_worker_count(context); /* per call of progress_fn: one row can take a second */
     for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
         if (spsi_progress(context, done + share * marcher->first_row / region[3])) return context->result;
         spsi_parallel(context, spsi_imin(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
@@ -27237,7 +27210,7 @@ static void spsi_march_meet_task(void *data, int index) {
     }
 }
 
-/* `n`: number of the sample in each pixel. */
+/* `n`: sample within each pixel. */
 SPSI_COLD void spsi_march_start(const spsi_marcher *marcher, const spsi_rays *centre, int n) {
     const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
     const int side = marcher->side;
@@ -27252,8 +27225,7 @@ SPSI_COLD void spsi_march_start(const spsi_marcher *marcher, const spsi_rays *ce
     }
 }
 
-/* Adds the rays to the pixels' sums, over the image's background. Bounded medium sends at most its brightest radiance,
-   as if opaque. */
+/* Bounded medium sends at most its brightest radiance, as if opaque. */
 SPSI_COLD void spsi_march_add(const spsi_marcher *marcher) {
     const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
     for (size_t i = 0; i < pixels; ++i) {
@@ -27273,7 +27245,7 @@ SPSI_COLD void spsi_march_add(const spsi_marcher *marcher) {
     }
 }
 
-/* Writes pixels, bounds rounded outwards, and standard errors of the paths' means. Radiance may exceed floats. */
+/* Bounds are rounded outwards. Errors are standard errors of the paths' means. Radiance may exceed floats. */
 static void spsi_march_finish(const spsi_marcher *marcher, const sps_image *image) {
     const sps_reference_settings *settings = marcher->settings;
     const size_t width = (size_t)marcher->frame->view.region[2], height = (size_t)marcher->frame->view.region[3];
@@ -27336,7 +27308,6 @@ static void spsi_dense_task(void *data, int index, int worker) {
         }
 }
 
-/* Reads a volume and its maxima by brick. */
 static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame, int medium, const spsi_dense *grid) {
     spsi_material plain;
     spsi_dense_job job;
@@ -27455,30 +27426,30 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
 
 /* ============================================================================================= >>bounds
    38 Strict bounds of single scattering, along the rays of >>reference. On a step of length h, three Gauss points
-   integrate F with an error of at most h^7 / 2016000 * |F^(6)|. F is the field times exp(-optical depth from eye and
-   light) times falloff, phase function and cone. Differences between nearby voxels bound the derivatives of the field
-   and of optical depth. Products, exponentials and powers have majorant series. In medium too dense for these,
-   transmittances at a step's ends bound its light. Where a polygon's shadow may begin, light lies between none and all.
-   Steps are halved while that helps. The bounded field has untruncated kernels up to 4 voxels from a volume's box, and
-   nothing beyond. Cost: pixels * steps * 3 * (1 + lights * steps of a shadow ray * 3) * 512 voxels. */
+   integrate F with an error up to h^7 / 2016000 * |F^(6)|. F is the field times exp(-optical depth from eye and light)
+   times falloff, phase function and cone. Nearby voxels' differences bound derivatives of field and optical depth;
+   products, exponentials and powers have majorant series. In medium too dense for these, transmittances at a step's
+   ends bound its light. Where a shadow may begin, light lies between none and all. Steps are halved while that helps.
+   The field has untruncated kernels up to 4 voxels from a volume's box, and nothing beyond. Cost: pixels * steps * 3 *
+   (1 + lights * shadow steps * 3) * 512 voxels. */
 
 #define SPSI_BRACKET_ORDER    6
-#define SPSI_BRACKET_TAPS     8     /* voxels per axis around a point */
-#define SPSI_BRACKET_STEP     0.75  /* voxels at most: then these taps are enough */
-#define SPSI_BRACKET_TAIL     2e-8  /* kernels beyond the taps at a point, relative to the largest value */
-#define SPSI_BRACKET_HALVINGS 12    /* most halvings in dense medium */
-#define SPSI_BRACKET_EDGES    6     /* at shadow edges, and while bounds are wide */
-#define SPSI_BRACKET_WIDE     1e-3  /* greatest distance of bounds, relative to opaque medium */
-#define SPSI_BRACKET_DENSE    0.5   /* greatest optical depth of a step, at its densest */
-#define SPSI_BRACKET_SEEN     10    /* optical depth behind which nothing is halved: 5e-5 passes */
+#define SPSI_BRACKET_TAPS     8     /* per axis around a point */
+#define SPSI_BRACKET_STEP     0.75  /* most voxels: then the taps are enough */
+#define SPSI_BRACKET_TAIL     2e-8  /* kernels beyond the taps, relative to the largest value */
+#define SPSI_BRACKET_HALVINGS 12    /* most, in dense medium */
+#define SPSI_BRACKET_EDGES    6     /* likewise, at shadow edges and for wide bounds */
+#define SPSI_BRACKET_WIDE     1e-3  /* widest bounds, relative to opaque medium */
+#define SPSI_BRACKET_DENSE    0.5   /* most optical depth of a step, at its densest */
+#define SPSI_BRACKET_SEEN     10    /* behind this depth, nothing is halved: 5e-5 passes */
 #define SPSI_BRACKET_STEPS    1e8   /* most per ray */
-#define SPSI_BRACKET_DARK     27.6  /* optical depth behind which shadows are ignored: 1e-12 passes */
+#define SPSI_BRACKET_DARK     27.6  /* behind this depth, shadows are ignored: 1e-12 passes */
 #define SPSI_BRACKET_ROOM     1e-9  /* relative, at shadow edges */
 
 
-/* Upper bounds of k-th derivatives along a unit vector, in voxels. Sums: absolute values of all kernels. Ripples:
-   kernels alone; only order 0 should remain. Tails: absolute values beyond the taps, up to SPSI_BRACKET_STEP from their
-   point. Each is the maximum over places and directions, plus 1 %. */
+/* Bounds of k-th derivatives along a unit vector, in voxels: maxima found, plus 1 %. Sums: all kernels, in absolute
+   value. Ripples: kernels alone, ideally constant. Tails: absolute values beyond the taps, up to SPSI_BRACKET_STEP
+   away. */
 static const double spsi_kernel_sums[SPSI_BRACKET_ORDER + 1] = {1.0115, 1.41, 2.95, 8.1, 24.7, 77.5, 249};
 static const double spsi_kernel_ripples[SPSI_BRACKET_ORDER + 1] = {1.0015, 0.0053, 0.0192, 0.12, 0.753, 4.73, 29.8};
 static const double spsi_kernel_tails[SPSI_BRACKET_ORDER + 1] = {9e-6, 4e-5, 2e-4, 1.3e-3, 8e-3, 0.05, 0.3};
@@ -27499,7 +27470,7 @@ SPSI_COLD spsi_series spsi_series_product(const spsi_series *a, const spsi_serie
     return product;
 }
 
-/* exp(-w), relative to its maximum. */
+/* Relative to the maximum of exp(-w). */
 SPSI_COLD spsi_series spsi_series_exponential(const spsi_series *w) {
     spsi_series result;
     result.term[0] = 1;
@@ -27510,8 +27481,8 @@ SPSI_COLD spsi_series spsi_series_exponential(const spsi_series *w) {
     return result;
 }
 
-/* Adds `scale` times the series of a field along a vector of `speed` voxels. Nearby voxels are `middle` +- `half`, none
-   is above `most`. Integrals of these three give the series of an integral. Term 0 stays. */
+/* Adds `scale` times the series of a field along `speed` voxels. Nearby voxels are `middle` +- `half`, all at most
+   `most`; integrals give an integral's series. Term 0 stays. */
 SPSI_COLD void spsi_series_add_field(double scale, double speed, double half, double middle, double most,
                                      spsi_series *series) {
     double factor = scale;
@@ -27522,12 +27493,11 @@ SPSI_COLD void spsi_series_add_field(double scale, double speed, double half, do
     }
 }
 
-/* Error bound of three Gauss points. */
 static double spsi_gauss_error(double h, double sixth) { return h * (h * h) * (h * h) * (h * h) * sixth / 2800; }
 
 /* --- the field --- */
 
-/* Row of voxels, 0 outside; in `spare` at the volume's edge. */
+/* Voxels outside are 0. `spare`: storage at the volume's edge. */
 SPSI_COLD const float *spsi_vicinity_row(const spsi_dense *grid, int x, int y, int z, float *spare) {
     const int inside = y >= 0 && z >= 0 && y < grid->size[1] && z < grid->size[2];
     const size_t number = inside ? (size_t)z * (size_t)grid->size[1] + (size_t)y : 0;
@@ -27539,13 +27509,13 @@ SPSI_COLD const float *spsi_vicinity_row(const spsi_dense *grid, int x, int y, i
 }
 
 typedef struct spsi_step_gas {
-    double value[3];     /* field at the step's points */
-    double half, middle; /* range of nearby voxels: middle +- half */
+    double value[3];     /* field at the points */
+    double half, middle; /* nearby voxels: middle +- half */
     double tail;         /* possible excess of values */
-    spsi_enclosure length; /* integral of the field over the step */
+    spsi_enclosure length; /* integral over the step */
 } spsi_step_gas;
 
-/* Field at a point. `gas`: range of voxels around it, or NULL. Returns 0 if none is above 0. */
+/* `gas`: range of voxels around the point, or NULL. Returns 0 if none is above 0. */
 SPSI_COLD int spsi_vicinity_at(const spsi_dense *grid, const double point[3], double *value, spsi_step_gas *gas) {
     double offset[3], at[3], w[3][SPSI_BRACKET_TAPS], sum[SPSI_BRACKET_TAPS] = {0};
     float low[SPSI_BRACKET_TAPS], high[SPSI_BRACKET_TAPS] = {0}, least, most = 0, spare[SPSI_BRACKET_TAPS];
@@ -27582,7 +27552,6 @@ SPSI_COLD int spsi_vicinity_at(const spsi_dense *grid, const double point[3], do
     return 1;
 }
 
-/* Voxels per vector. */
 SPSI_COLD double spsi_vicinity_speed(const spsi_dense *grid, const double direction[3]) {
     double along[3];
     for (int i = 0; i < 3; ++i) along[i] = spsi_dot(grid->inverse[i], direction);
@@ -27612,14 +27581,12 @@ SPSI_COLD int spsi_step_sample(const spsi_marcher *marcher, int m, const spsi_ra
     return any;
 }
 
-/* Bounds the field on a step. */
 SPSI_COLD double spsi_step_most(const spsi_step_gas *gas, double most) {
     return (gas->middle + gas->half) * spsi_kernel_ripples[0] + most * spsi_kernel_tails[0];
 }
 
 /* --- shadow rays --- */
 
-/* Medium before a light. */
 typedef struct spsi_shade {
     spsi_enclosure depth;
     double way;                                              /* length in the medium's bounds */
@@ -27662,17 +27629,16 @@ typedef struct spsi_step {
     double ends[2][3], points[3][3];     /* world */
     spsi_step_gas gas[SPSI_VOLUMES_MAX]; /* per volume */
     double particles[SPSI_SETS_MAX];     /* optical depth per set */
-    spsi_enclosure before, depth;        /* optical depth up to the step, and in it */
+    spsi_enclosure before, depth;        /* up to the step, and in it */
     spsi_enclosure within[3];            /* depth from its beginning to its points */
     spsi_series passes;                  /* depth from the eye, without term 0 */
     int lit;                             /* 1: shadows matter */
     int smooth;                          /* 1: no particles */
 } spsi_step;
 
-/* Light arriving at a step. */
 typedef struct spsi_incoming {
     spsi_enclosure depth[3]; /* optical depth at the step's points */
-    spsi_enclosure passes;   /* transmittance anywhere on it */
+    spsi_enclosure passes;   /* transmittance on all of it */
     spsi_series series;    /* optical depth, without term 0 */
     double falls[3];       /* falloff times phase function, at the points */
     spsi_enclosure range;  /* anywhere on the step */
@@ -27680,8 +27646,8 @@ typedef struct spsi_incoming {
     int smooth;            /* 1: both series are valid */
 } spsi_incoming;
 
-/* Optical depth from a step's beginning to its points, by the parabola through their values. Error: third derivative /
-   6 times the integral of |(x - x1)(x - x2)(x - x3)|. */
+/* Optical depth from a step's beginning, by the parabola through its points' values. Error: third derivative / 6 times
+   the integral of |(x - x1)(x - x2)(x - x3)|. */
 SPSI_COLD void spsi_step_within(const spsi_marcher *marcher, double third, spsi_step *step) {
     static const double weights[3][3] = {{5.0 / 36, -0.035976667524938903, 0.0097894440153083},
                                          {0.30026319498086459, 2.0 / 9, -0.022485417203086815},
@@ -27734,7 +27700,6 @@ SPSI_COLD void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray,
     step->lit = any && before.low < SPSI_BRACKET_DARK;
 }
 
-/* Bounds the integral of a volume's value, times transmittance to the eye, times incoming light. */
 SPSI_COLD spsi_enclosure spsi_step_integral(const spsi_marcher *marcher, const spsi_step *step, int m,
                                             const spsi_incoming *incoming) {
     const spsi_step_gas *gas = &step->gas[m];
@@ -27773,7 +27738,7 @@ SPSI_COLD spsi_enclosure spsi_step_integral(const spsi_marcher *marcher, const s
     return result;
 }
 
-/* Isotropic light: ambient or emitted. */
+/* Isotropic light. */
 SPSI_COLD void spsi_incoming_plain(spsi_incoming *incoming) {
     memset(incoming, 0, sizeof *incoming);
     incoming->passes = incoming->range = spsi_enclosure_of(1, 1);
@@ -27782,8 +27747,7 @@ SPSI_COLD void spsi_incoming_plain(spsi_incoming *incoming) {
     incoming->smooth = 1;
 }
 
-/* Falloff of a point light, 1 / r^2 as in >>reference. At distance r, its series has terms of at most (k + 1) / r^(k +
-   2) [of 1 / (1 - x)^2]. */
+/* 1 / r^2 as in >>reference. The series has terms up to (k + 1) / r^(k + 2) [of 1 / (1 - x)^2]. */
 SPSI_COLD void spsi_incoming_fall(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *light,
                                   spsi_incoming *incoming) {
     const spsi_rays *eye = &marcher->frame->content->eye;
@@ -27818,8 +27782,7 @@ static double spsi_step_distance(const spsi_step *step, const spsi_light *light)
     return light->is_point ? spsi_length(offset) : HUGE_VAL;
 }
 
-/* Optical depth to a light, and its series. Nearer to a point light at distance r, places move less; r has terms of at
-   most r^(1 - k). */
+/* Places nearer to a point light at distance r move less; r has terms up to r^(1 - k). */
 SPSI_COLD void spsi_incoming_shade(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *light,
                                    spsi_incoming *incoming) {
     const double h = step->ray.high - step->ray.low, distance = spsi_step_distance(step, light);
@@ -27854,7 +27817,7 @@ SPSI_COLD double spsi_step_turn(const spsi_step *step, const spsi_light *light) 
     return half < distance ? asin(half / distance) : 4;
 }
 
-/* Range of 1 - cos to the light's axis. At an angle a, its root is sqrt(2) sin(a / 2), with a slope of at most 1 /
+/* Range of 1 - cos to the light's axis. At an angle a, its root is sqrt(2) sin(a / 2), with slopes up to 1 /
    sqrt(2). */
 SPSI_COLD spsi_enclosure spsi_step_axis(const spsi_step *step, const spsi_light *light) {
     const double turn = sqrt(0.5) * spsi_step_turn(step, light);
@@ -27870,7 +27833,7 @@ SPSI_COLD int spsi_cone_bends(const spsi_cone *cone, spsi_enclosure range) {
     return cone->exists && ((low < 0 && high > 0) || (low < 1 && high > 1));
 }
 
-/* Cone on a step with 1 - cos in `range`: the square of a linear function, with corners at both ends. */
+/* The cone is the square of a linear function of 1 - cos, with corners at both ends. */
 SPSI_COLD void spsi_incoming_cone(const spsi_cone *cone, const double versines[3], spsi_enclosure range,
                                   const spsi_series *turning, spsi_incoming *incoming) {
     spsi_series share = *turning;
@@ -27885,7 +27848,7 @@ SPSI_COLD void spsi_incoming_cone(const spsi_cone *cone, const double versines[3
     incoming->falloff = spsi_series_product(&incoming->falloff, &share);
 }
 
-/* Series of a lobe, (1 - g^2) / (4 pi) * (1 + g^2 - 2 g cosine)^(-3/2). `least` bounds the parenthesis. */
+/* Series of (1 - g^2) / (4 pi) * (1 + g^2 - 2 g cosine)^(-3/2). `least` bounds the parenthesis. */
 SPSI_COLD spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const spsi_series *cosine) {
     const double g = fabs((double)lobe->asymmetry);
     spsi_series lobes;
@@ -27898,8 +27861,8 @@ SPSI_COLD spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const
     return lobes;
 }
 
-/* Phase function per unit of optical depth and albedo. Lobes are monotonic in the cosine: the ends bound them. Light
-   turns by less than the angle of the step at a point light; its direction has terms of at most 2 / r^k. */
+/* Per unit of optical depth and albedo. Lobes are monotonic in the cosine: ends bound them. Light turns by less than
+   the step's angle from a point light; its direction has terms up to 2 / r^k. */
 SPSI_COLD void spsi_incoming_phase(const spsi_step *step, const spsi_light *light, const spsi_material *material,
                                    spsi_incoming *incoming) {
     const double half = 0.5 * (step->ray.high - step->ray.low), turn = spsi_step_turn(step, light);
@@ -27932,14 +27895,12 @@ SPSI_COLD void spsi_incoming_phase(const spsi_step *step, const spsi_light *ligh
     if (light->is_point) spsi_incoming_cone(&light->cone, axis, spsi_step_axis(step, light), &turning, incoming);
 }
 
-/* Light from a step to the eye. */
 typedef struct spsi_step_light {
     spsi_enclosure light[3];
     double source[3]; /* greatest radiance, were it opaque */
     spsi_enclosure depth;
 } spsi_step_light;
 
-/* Adds scattering from one light by all volumes. */
 SPSI_COLD void spsi_step_add_light(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *light,
                                    const spsi_enclosure passes[3], spsi_step_light *sum) {
     double source[3] = {0, 0, 0};
@@ -27966,7 +27927,6 @@ SPSI_COLD void spsi_step_add_light(const spsi_marcher *marcher, const spsi_step 
     for (int c = 0; c < 3; ++c) sum->source[c] += source[c];
 }
 
-/* Adds emission and scattered ambient light. */
 SPSI_COLD void spsi_step_add_own(const spsi_marcher *marcher, const spsi_step *step, spsi_step_light *sum) {
     const spsi_frame *frame = marcher->frame;
     double source[3] = {0, 0, 0};
@@ -27993,7 +27953,7 @@ SPSI_COLD void spsi_step_add_own(const spsi_marcher *marcher, const spsi_step *s
 
 /* --- polygons before a light --- */
 
-/* Returns 1, -1, or 0 if too close to tell. */
+/* 0: too close to tell. */
 SPSI_COLD int spsi_plane_side(const double normal[3], const double on[3], const double point[3]) {
     double offset[3], side, room;
     spsi_along(point, on, -1, offset);
@@ -28002,7 +27962,7 @@ SPSI_COLD int spsi_plane_side(const double normal[3], const double on[3], const 
     return side > room ? 1 : side < -room ? -1 : 0;
 }
 
-/* Normal of the plane of light rays through two points. */
+/* Plane of light rays through two points. */
 SPSI_COLD void spsi_light_plane(const spsi_light *light, const double a[3], const double b[3], double normal[3]) {
     double u[3], v[3];
     spsi_along(b, a, -1, u);
@@ -28015,8 +27975,8 @@ SPSI_COLD void spsi_light_plane(const spsi_light *light, const double a[3], cons
 
 typedef enum spsi_cover { SPSI_COVER_CLEAR, SPSI_COVER_BEHIND, SPSI_COVER_PARTLY } spsi_cover;
 
-/* Tests whether a face covers a light, for all points between two. Separating planes: the face's, of light at its
-   edges, and through both points and the light. */
+/* Tests whether a face covers a light from all points between two. Separating planes: the face's, at its edges, and
+   through both points and the light. */
 SPSI_COLD spsi_cover spsi_face_cover(const spsi_face *face, const spsi_light *light, const spsi_step *step) {
     double normal[3], beyond[3];
     int side, sides[3], inside = 1;
@@ -28039,7 +27999,7 @@ SPSI_COLD spsi_cover spsi_face_cover(const spsi_face *face, const spsi_light *li
     return sides[0] != 0 && sides[0] == sides[1] && sides[1] == sides[2] ? SPSI_COVER_CLEAR : SPSI_COVER_PARTLY;
 }
 
-/* Bounds transmittance of polygons over a step. Returns 0 if one covers only part of it: shorter steps help. */
+/* Returns 0 if a polygon covers only part of the step: shorter ones help. */
 SPSI_COLD int spsi_step_cover(const spsi_faces *faces, const spsi_light *light, const spsi_step *step,
                               spsi_enclosure passes[3]) {
     int number, sure = 1;
@@ -28070,13 +28030,12 @@ SPSI_COLD int spsi_step_cover(const spsi_faces *faces, const spsi_light *light, 
 
 /* --- following a ray --- */
 
-/* True if a step must be halved: dense medium, or the edge of a shadow or cone. */
+/* Dense medium, or an edge of a shadow or cone. */
 SPSI_COLD int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *step, int halvings) {
     const double dense = step->passes.term[1] * (step->ray.high - step->ray.low);
     if (!step->lit || step->before.low > SPSI_BRACKET_SEEN) return 0;
     if (step->smooth && dense > SPSI_BRACKET_DENSE && halvings < SPSI_BRACKET_HALVINGS)
-        return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) <= SPSI_BRACKET_DENSE; /* otherwise no halving is
-                                                                                        enough */
+        return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) <= SPSI_BRACKET_DENSE; /* too dense for any halving */
     for (int i = 0; i < marcher->light_count && halvings < SPSI_BRACKET_EDGES; ++i) {
         const spsi_light *light = &marcher->frame->lights.list[i];
         spsi_enclosure passes[3];
@@ -28131,7 +28090,6 @@ SPSI_COLD int spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray
 
 /* --- setting up --- */
 
-/* Refuses scenes without bounds. */
 SPSI_COLD sps_result spsi_bracket_check(sps_context *context, const spsi_frame *frame) {
     int scatters = 0;
     if (spsi_scatters_fully(frame) || spsi_scatters_aside(frame) || spsi_scatters_forward(frame))
@@ -28180,31 +28138,31 @@ SPSI_COLD sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marc
 }
 
 /* ================================================================================================ >>paths
-   39 Multiple scattering by random paths from the eye: an unbiased reference for the field and polygons of >>reference.
-   Volumes are crossed by delta tracking [Woodcock et al. 1965]: tentative collisions lie -ln(u) / bound apart and are
-   real with probability extinction / bound, with a bound per brick. Spheres are inverted in closed form. The nearest
-   collision or face is the event. Shadow rays to all lights add its scattering, through medium by ratio tracking [Novak
-   et al. 2014]; the phase function draws the next direction. Lights at the first event are already marched. Emission is
-   sampled twice: at an event, by a shadow ray to a point drawn by emission, and at a point on each ray after it. The
-   balance heuristic [Veach and Guibas 1995] avoids noise from small flames and inside of them. Cost: paths * events *
-   (1 + lights) * bound * length * 343 voxels. */
+   39 Multiple scattering by random paths from the eye: an unbiased reference, with the field and polygons of
+   >>reference. Volumes are crossed by delta tracking [Woodcock et al. 1965]: tentative collisions lie -ln(u) / bound
+   apart and are real with probability extinction / bound, with a bound per brick. Spheres are inverted in closed form.
+   At the nearest collision or face, shadow rays to all lights add its scattering, through medium by ratio tracking
+   [Novak et al. 2014]. The phase function draws the next direction. Lights at the first event are already marched.
+   Emission is found by a shadow ray to a point drawn by emission, and at a point on each later ray. The balance
+   heuristic [Veach and Guibas 1995] avoids noise near small flames and inside of them. Cost: paths * events * (1 +
+   lights) * bound * length * 343 voxels. */
 
 #define SPSI_PATHS_MAX    (1 << 20)
 #define SPSI_PATH_ROUND   16    /* most paths per pixel between calls of progress_fn */
 #define SPSI_PATH_BRICK   1e4f  /* greatest optical depth of a brick: beyond, no light passes */
-#define SPSI_PATH_GOES_ON 0.998 /* greatest survival: even without absorption, paths end after 500 events */
+#define SPSI_PATH_GOES_ON 0.998 /* most survival: without absorption, paths end after 500 events */
 #define SPSI_PATH_WEIGHTY 3     /* events before Russian roulette */
 #define SPSI_PATH_SPLITS  0.05  /* transmittance below which one of two shadow rays ends */
 
 typedef struct spsi_path {
-    spsi_ray ray; /* after the last event; unit direction, low is 0 */
+    spsi_ray ray; /* after the last event; low is 0 */
     double weight[3], radiance[3];
     double from[3];  /* last event */
-    double density;  /* per steradian, of the direction drawn there */
+    double density;  /* per steradian, of its direction */
     uint64_t random; /* generator state */
     int face;        /* start; -1: none */
     int scattered;   /* events so far */
-    int off_face;    /* 1: last event was on a polygon */
+    int off_face;    /* 1: last event on a polygon */
 } spsi_path;
 
 /* --- random numbers --- */
@@ -28220,7 +28178,6 @@ static double spsi_random(uint64_t *state) {
 /* Exponential, with mean 1. */
 static double spsi_random_depth(uint64_t *state) { return -log1p(-spsi_random(state)); }
 
-/* Random unit vector at a cosine from an axis. */
 static void spsi_random_about(uint64_t *state, const double axis[3], double cosine, double out[3]) {
     const double turn = 2 * SPSI_PI * spsi_random(state), sine = sqrt(spsi_dmax(0, 1 - cosine * cosine));
     double across[3], other[3];
@@ -28229,7 +28186,7 @@ static void spsi_random_about(uint64_t *state, const double axis[3], double cosi
     spsi_normalise(out);
 }
 
-/* Draws a cosine by inverting one of the lobes [Henyey & Greenstein 1941]. */
+/* Inverts one of the lobes [Henyey & Greenstein 1941]. */
 static double spsi_random_phase(uint64_t *state, const spsi_material *material) {
     double pick = spsi_random(state), u = spsi_random(state), g = 0, part;
     for (int i = 0; i < material->lobe_count; ++i) {
@@ -28244,7 +28201,7 @@ static double spsi_random_phase(uint64_t *state, const spsi_material *material) 
 
 /* --- delta tracking --- */
 
-/* Extinction bounds by brick. Kernels at the voxels' distance ripple by 0.1 %. */
+/* Kernels at the voxels' distance ripple by 0.1 %. */
 SPSI_COLD void spsi_dense_bound(const spsi_material *material, const spsi_dense *grid) {
     const int count = grid->bricks[0] * grid->bricks[1] * grid->bricks[2];
     float up_to[SPSI_TABLE_SIZE + 1] = {0}, most = SPSI_PATH_BRICK;
@@ -28262,16 +28219,15 @@ SPSI_COLD void spsi_dense_bound(const spsi_material *material, const spsi_dense 
     }
 }
 
-/* A ray through a volume. */
 typedef struct spsi_tracker {
     const spsi_dense *grid;
     const spsi_material *material;
     const spsi_ray *ray;
-    double at[3], along[3]; /* ray's origin and direction, in voxels */
+    double at[3], along[3]; /* ray in voxels */
     double voxel;           /* t per voxel */
     double t, end;
     double leave; /* end of the current brick */
-    double bound; /* extinction there */
+    double bound; /* bound there */
 } spsi_tracker;
 
 /* Border bricks reach as far as their kernels. */
@@ -28318,7 +28274,7 @@ static int spsi_tracker_begin(const spsi_marcher *marcher, int medium, const sps
     return 1;
 }
 
-/* Returns the probability that the next tentative collision is real, or -1 if there is none. */
+/* Returns the probability that the next collision is real, or -1 if there is none. */
 static double spsi_tracker_next(spsi_tracker *tracker, uint64_t *random) {
     float appearance[4];
     double point[3];
@@ -28337,7 +28293,7 @@ static double spsi_tracker_next(spsi_tracker *tracker, uint64_t *random) {
         spsi_extinction_at(tracker->material, spsi_field(tracker->grid, point, NULL), appearance) / tracker->bound, 1);
 }
 
-/* Shortens the ray to the first collision, and sets `part`. */
+/* Shortens the ray to a collision, and sets `part`. */
 static void spsi_path_through_volumes(const spsi_marcher *marcher, spsi_ray *ray, uint64_t *random, int *part) {
     for (int m = 0; m < marcher->frame->medium_count; ++m) {
         spsi_tracker tracker;
@@ -28354,7 +28310,7 @@ static void spsi_path_through_volumes(const spsi_marcher *marcher, spsi_ray *ray
 
 /* --- particles --- */
 
-/* Shortens the ray to the first collision, and sets `part`. Overlapping particles collide independently. */
+/* Likewise; overlapping particles collide independently. */
 static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *ray, uint64_t *random, int *part) {
     const spsi_frame *frame = marcher->frame;
     spsi_walk walk;
@@ -28374,14 +28330,13 @@ static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *r
 
 /* --- emission --- */
 
-/* Per unit of value: the mean of its colors. */
+/* Mean of colors per unit of value. */
 static double spsi_emission_of(const spsi_material *material) {
     return ((double)material->emission[0] + (double)material->emission[1] + (double)material->emission[2]) / 3;
 }
 
 static size_t spsi_dense_rows(const spsi_dense *grid) { return (size_t)grid->size[1] * (size_t)grid->size[2]; }
 
-/* Builds cumulative sums. */
 static sps_result spsi_emission_build(sps_context *context, spsi_marcher *marcher) {
     const spsi_frame *frame = marcher->frame;
     size_t count = (size_t)frame->content->particle_count;
@@ -28410,8 +28365,8 @@ static sps_result spsi_emission_build(sps_context *context, spsi_marcher *marche
     return SPS_OK;
 }
 
-/* Draws an emitting point as a light with its part's color, of mean 1: in a sphere by density, around a voxel by its
-   kernel. 1e-6 of that lies beyond SPSI_REFERENCE_REACH, where nothing emits. */
+/* Draws an emitting point as a light with its part's color, of mean 1. Density is a sphere's, or a voxel's kernel: 1e-6
+   lies beyond SPSI_REFERENCE_REACH, where nothing emits. */
 static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, spsi_light *light) {
     const spsi_frame *frame = marcher->frame;
     const double pick = (1 - DBL_EPSILON) * spsi_random(random) * marcher->glow_sum; /* below the sum after rounding */
@@ -28454,8 +28409,7 @@ static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, sp
     for (int c = 0; c < 3; ++c) light->color[c] = (float)((double)material->emission[c] / spsi_emission_of(material));
 }
 
-/* Emission at a point per unit of length. `density`: per steradian, of paths from the event. Returns the weight of
-   drawing the point; paths that meet it have the rest. */
+/* `density`: per steradian, of paths from the event. Returns the weight of drawing the point; paths have the rest. */
 static double spsi_emission_at(const spsi_marcher *marcher, const double event[3], double density,
                                const double point[3], double emitted[3]) {
     const spsi_bounds *bounds = &marcher->frame->content->bounds;
@@ -28483,7 +28437,6 @@ static double spsi_emission_at(const spsi_marcher *marcher, const double event[3
 
 /* --- events --- */
 
-/* Estimate for all medium between a point and a light. */
 static double spsi_path_transmittance(const spsi_marcher *marcher, const spsi_light *light, const double point[3],
                                       uint64_t *random) {
     double depths[SPSI_SETS_MAX], passes;
@@ -28508,7 +28461,6 @@ static void spsi_path_take(spsi_path *path, const double radiance[3]) {
     for (int c = 0; c < 3; ++c) path->radiance[c] += path->weight[c] * radiance[c];
 }
 
-/* Adds emission up to the event, whose mean over random events is the attenuated emission. */
 static void spsi_path_emission(const spsi_marcher *marcher, spsi_path *path) {
     const spsi_bounds *bounds = &marcher->frame->content->bounds;
     double range[2], point[3], emitted[3], weight;
@@ -28520,13 +28472,12 @@ static void spsi_path_emission(const spsi_marcher *marcher, spsi_path *path) {
     spsi_path_take(path, emitted);
 }
 
-/* Density per steradian of scattered directions. */
 static double spsi_path_density(const spsi_material *material, double cosine) {
     if (material->table && material->shading == SPS_SHADING_SURFACE) return 0.25 / SPSI_PI;
     return spsi_phase_at(material, cosine);
 }
 
-/* Starts at the end of the last ray. `density`: of the direction; negative: no event. */
+/* `density`: of the direction; negative: no event. */
 static void spsi_path_turn(spsi_path *path, const double direction[3], int face, double density) {
     spsi_along(path->ray.origin, path->ray.direction, path->ray.high, path->ray.origin);
     if (density >= 0) {
@@ -28563,7 +28514,7 @@ static void spsi_path_light_gas(const spsi_marcher *marcher, const spsi_point *p
     }
 }
 
-/* Medium draws directions by phase function, surfaces uniformly. */
+/* Medium draws by phase function, surfaces uniformly. */
 static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample *sample, spsi_path *path) {
     const spsi_material *material = spsi_material_of(marcher->frame, part);
     const int surface = material->table && material->shading == SPS_SHADING_SURFACE;
@@ -28592,7 +28543,7 @@ static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample 
     path->off_face = 0;
 }
 
-/* Excludes emission behind the face's plane, where no path goes. */
+/* No path goes behind the face's plane. */
 static void spsi_path_light_face(const spsi_marcher *marcher, int face, const double plane[3],
                                  const spsi_surface *surface, const double color[3], spsi_path *path) {
     const int light_count = path->scattered > 0 ? marcher->frame->lights.count : 0;
@@ -28617,7 +28568,7 @@ static void spsi_path_light_face(const spsi_marcher *marcher, int face, const do
     }
 }
 
-/* Transmits or reflects a path. Returns 0 if it ends. */
+/* Returns 0 if the path ends. */
 static int spsi_path_on_face(const spsi_marcher *marcher, const spsi_hit *hit, spsi_path *path) {
     const spsi_face *face = &marcher->faces->list[hit->face];
     const double passes[3] = {(double)face->transmittance[0], (double)face->transmittance[1],
@@ -28650,7 +28601,7 @@ static int spsi_path_on_face(const spsi_marcher *marcher, const spsi_hit *hit, s
     return 1;
 }
 
-/* Russian roulette: returns 0 if the path ends. */
+/* Russian roulette. */
 static int spsi_path_goes_on(spsi_path *path) {
     const double most = spsi_dmax(path->weight[0], spsi_dmax(path->weight[1], path->weight[2]));
     const double chance = spsi_dmin(most, SPSI_PATH_GOES_ON);
@@ -28684,7 +28635,6 @@ static void spsi_path_follow(const spsi_marcher *marcher, spsi_sample *sample, s
 
 /* --- pixels --- */
 
-/* Path n goes through one of the pixel's samples. */
 static void spsi_path_begin(const spsi_marcher *marcher, int x, int y, int n, spsi_path *path) {
     const spsi_rays *eye = &marcher->frame->content->eye;
     const int side = marcher->side, sample = n % (side * side);
@@ -28695,7 +28645,7 @@ static void spsi_path_begin(const spsi_marcher *marcher, int x, int y, int n, sp
     path->random = spsi_fingerprint_word(path->random, (uint64_t)y * (uint64_t)eye->width + (uint64_t)x);
     path->random = spsi_fingerprint_word(path->random, (uint64_t)n);
     spsi_ray_direction(eye, at[0], at[1], path->ray.direction);
-    if (!(start > -DBL_MAX)) { /* an orthographic camera without near plane sees behind its origin */
+    if (!(start > -DBL_MAX)) { /* orthographic cameras without near plane see behind their origin */
         const spsi_bounds *bounds = &marcher->frame->content->bounds;
         start = -4 * marcher->faces->extent;
         spsi_ray_point(eye, at[0], at[1], 0, path->ray.origin);

@@ -22512,7 +22512,7 @@ typedef void (*spsi_sample_fn)(const void *data, const spsi_sample_place *place,
                                const spsi_cell_sample *sample);
 
 typedef struct spsi_sampling {
-    spsi_rays rays; /* through the samples */
+    spsi_rays rays;
     spsi_slabs slabs;
     spsi_target target;
     spsi_contents contents;
@@ -22554,7 +22554,7 @@ typedef struct spsi_cell_job {
 
 /* --- placing grids --- */
 
-#define SPSI_GROUPS_MOST  64  /* while grouping */
+#define SPSI_GROUPS_MOST  64  /* most, while grouping */
 #define SPSI_GROUPS_APART 2.0 /* least gap between grids, per longest side */
 
 typedef struct spsi_groups {
@@ -22987,8 +22987,8 @@ static void spsi_cells_add_moments(const spsi_cell_job *job, const spsi_cell_spo
                            spsi_mul(amount, harmonic[t]));
 }
 
-/* Mean of 1 / r^2 over the samples' cubes, by its mean along rays. With the latter, cells around a light receive 5 %
-   too little. */
+/* Mean of 1 / r^2 over the samples' cubes, divided by its mean along rays. With the latter, cells around a light
+   receive 5 % too little. */
 static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_light *light, const spsi_cell_spot *spot) {
     const float edge = (float)job->sheets.slabs.thickness;
     const spsi_v scale = spsi_set(1 / (edge * edge));
@@ -23477,8 +23477,8 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
 /* Sets the fraction of each cell's lit polygons that flies: swept, small patches cause ray effects. A patch is lit
    cells joined by open links, and its dark rim, whose polygons may be partly lit. Less than 1/100 of the next cell's
    light counts as dark, otherwise traces would join patches. Relative to the patch's light spread over the grid's
-   largest side, cells are swept up to 3, and fly from 6 on. This fades if patches cover 1/6 of the side, and ends at
-   1/3. Returns the covered fraction; 0: nothing flies. */
+   largest side, cells are swept up to 3 times, and fly from 6 on. This fades if patches cover 1/6 of the side, and ends
+   at 1/3. Returns the covered fraction; 0: nothing flies. */
 static double spsi_patches_find(const spsi_cell_job *job) {
     const int *size = job->grid->size, pitch = job->grid->pitch;
     const double side = (double)size[0] * size[1] * size[2] / spsi_imin(size[0], spsi_imin(size[1], size[2]));
@@ -23519,7 +23519,7 @@ static size_t spsi_beam_steps(const spsi_cell_grid *grid) {
     return (size_t)(grid->size[0] + grid->size[1] + grid->size[2]) + 2;
 }
 
-/* Once for all grids. */
+/* Serves all grids. */
 static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     const spsi_frame *frame = job->frame;
     spsi_flights *trees = job->flights;
@@ -23663,7 +23663,7 @@ static void spsi_cells_equations_task(void *data, int row) {
     }
 }
 
-/* `memory` NULL: only counts. Returns the floats. */
+/* `memory` NULL: only counts. */
 SPSI_COLD size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float *memory) {
     const size_t terms = (size_t)(orders * orders) * level->count;
     uint64_t laid = 0;
@@ -23686,7 +23686,7 @@ SPSI_COLD size_t spsi_cell_solver_blocker_floats(const spsi_cell_solver *solver)
     return floats;
 }
 
-/* Levels are halved down to four cells. Returns their floats. */
+/* Levels are halved down to four cells. */
 SPSI_COLD size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver *solver) {
     size_t floats = 0;
     solver->orders = grid->orders;
@@ -23771,7 +23771,7 @@ SPSI_COLD void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     }
 }
 
-/* NULL: there is no room. `number`: index + 1; 0: new. The first bright channel sets the direction. */
+/* Returns NULL if there is no room. `number`: index + 1; 0: new. The first bright channel sets the direction. */
 static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int row, int *number) {
     static const int term[3] = {3, 1, 2};
     const spsi_cell_grid *grid = job->grid;
@@ -23880,7 +23880,7 @@ static spsi_v spsi_cells_stop(const spsi_cell_level *level, const spsi_v before[
 }
 
 /* Marches rays through the cells; units are cells. found[0]: radiance; then single scattering by set, over the phase
-   function. Equal steps, at most 3/4 of an edge: longer ones are 3 % too bright next to dense medium. */
+   function. Equal steps, at most 3/4 of an edge: longer ones are 3 % too bright next to a dense medium. */
 static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v from[3], const spsi_v way[3],
                                 spsi_v length, spsi_v found[1 + SPSI_CELL_SETS]) {
     const spsi_cell_level *level = &solver->levels[0];
@@ -23964,8 +23964,8 @@ static void spsi_cells_place_patches(const spsi_cell_solver *solver, const spsi_
 }
 
 /* Light leaving a patch: pi times the radiance along rays from its centre. Dividing by the opacity of a uniform medium
-   removes the grid's shape. The smooth ratio is stored as harmonics, scaled to the rays' flux. Opposite signs count as
-   0, as on surfaces. */
+   removes the grid's shape. The smooth ratio is stored as harmonics, scaled to the rays' flux. Sums of opposite sign
+   count as 0, as on surfaces. */
 static void spsi_cell_patches_task(void *data, int patch) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->leaves;
@@ -24136,7 +24136,7 @@ SPSI_COLD sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_call_st
 
 /* --- all grids --- */
 
-/* `memory` NULL: only counts. Returns the floats. */
+/* `memory` NULL: only counts. */
 static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *grid, float *memory) {
     const size_t each = (size_t)grid->channels * grid->count, moments = each * (size_t)grid->terms;
     const int flies = spsi_cells_fly(frame), flies_to_cells = flies && spsi_flies_to_cells(frame);
@@ -24329,10 +24329,10 @@ SPSI_COLD sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Chooses the lights that bring most to the medium. The strongest left out lowers each weight of less than twice its
-   own, so weights reach 0 before lights swap. A point light's directions at two places must stand for a path. Its
-   weight rises from 0 at 1/4 of the longest side away to 1 at 1/2. Projectors, narrow cones and lights without shadows
-   have none. */
+/* Chooses the lights that bring most to the medium. The strongest one left out lowers weights below twice its own, so
+   that weights reach 0 before lights swap. A point light's directions at two places must stand for a path. Its weight
+   rises from 0 at 1/4 of the longest side away to 1 at 1/2. Projectors, narrow cones and lights without shadows have
+   none. */
 static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *grids, int count) {
     const int most = count > 0 ? grids->light_count : 0;
     spsi_cell_light list[SPSI_CELL_SETS + 1], entry;
@@ -24367,7 +24367,6 @@ static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *gr
         }
 }
 
-/* Returns the number of grids. */
 SPSI_COLD int spsi_cells_place_all(const sps_context *context, const spsi_frame *frame, spsi_groups *groups,
                                    spsi_cell_grid *grids) {
     int count = 0;
@@ -24443,6 +24442,7 @@ SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
+/* Reuses the last call's light if possible. */
 static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                   const spsi_call_stage *part) {
     const double start = spsi_clock(context);
@@ -24747,7 +24747,6 @@ SPSI_COLD sps_result spsi_spread_aim(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* Returns the floats. */
 SPSI_COLD size_t spsi_spread_job_begin(const spsi_frame *frame, spsi_spread *spread, spsi_spread_job *job) {
     const spsi_rays *rays = &spread->map.rays[0];
     job->spread = spread;
@@ -24804,7 +24803,7 @@ SPSI_COLD sps_result spsi_spreads_make(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* Reuses the last call's if possible. */
+/* Reuses the last call's spreading if possible. */
 SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                         const spsi_call_stage *part, spsi_spreads *spreads) {
     const size_t count = (size_t)frame->lights.shadow_count;
@@ -24982,7 +24981,7 @@ static void spsi_layers_range(const spsi_shader *shader, const spsi_pixels *p, i
     }
 }
 
-/* Opens all patches. */
+/* Also opens the tile's patches. */
 static void spsi_polygon_range_task(void *data, int index) {
     spsi_run *run = (spsi_run *)data;
     spsi_region *region = &run->region;
@@ -25016,7 +25015,6 @@ static void spsi_polygon_range_task(void *data, int index) {
 
 /* --- setting up a sweep --- */
 
-/* Begins the shadow of the sweep's light. */
 SPSI_COLD sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
     const spsi_shader *shader = &run->shader;
     run->has_sliced = shader->sweep->light && !shader->again.measures && spsi_holds_gas(context, shader->frame);
@@ -25271,7 +25269,7 @@ SPSI_COLD double spsi_covered_pixels(const spsi_frame *frame) {
     return area;
 }
 
-/* Returns the number of slabs; 0: nothing to cut; infinity: too many. */
+/* Returns the number of slabs; 0: nothing to cut; infinity: rendering would refuse. */
 SPSI_COLD double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *sweep) {
     const double edge = spsi_sweep_begin(frame, n, 0, sweep);
     double count;
@@ -25435,8 +25433,8 @@ SPSI_COLD double spsi_spheres_depth(const spsi_frame *frame) {
     return weights > 0 ? sum / weights : 0;
 }
 
-/* Before black, medium with relative error e, covering a fraction c of the pixels, has error e / sqrt(c) in the image.
-   Invisible medium may shade polygons. `spheres`: depth of particles. */
+/* Before black, a medium with relative error e, covering a fraction c of the pixels, has error e / sqrt(c) in the
+   image. Out of view, it may shade polygons. `spheres`: depth of particles. */
 SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting *setting, double spheres) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     const double covered = spsi_dmin(spsi_covered_pixels(frame), pixels);
@@ -26560,7 +26558,7 @@ typedef struct spsi_enclosure {
     double low, high;
 } spsi_enclosure;
 
-/* Low and high differ only with bounds. */
+/* A pixel's ray. Low and high differ only with bounds. */
 typedef struct spsi_walker {
     spsi_enclosure colors[3];      /* sums over finished samples */
     double coverage, distance_sum; /* likewise */
@@ -26702,7 +26700,6 @@ typedef struct spsi_ray_chord {
     double at[2];        /* the function at the segment's ends */
 } spsi_ray_chord;
 
-/* Returns 0 if the line misses the sphere. */
 static int spsi_ray_chord_in_sphere(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set,
                                     spsi_ray_chord *chord) {
     const double radius = (double)particle->radius;
@@ -26894,11 +26891,11 @@ typedef struct spsi_point {
     double half;                           /* half length */
     double pixel;                          /* world size of a pixel there */
     double value[SPSI_MATERIALS_MAX];      /* per part; for particles, extinction */
-    double extinction[SPSI_MATERIALS_MAX]; /* per part */
+    double extinction[SPSI_MATERIALS_MAX];
     double extinction_sum;
     double gas;                            /* optical depth from the eye */
     double value_sum;                      /* 0: empty */
-    spsi_sample *samples;                  /* one per part */
+    spsi_sample *samples;
 } spsi_point;
 
 SPSI_COLD void spsi_point_take(spsi_point *point, int part, double value, double extinction) {
@@ -27338,7 +27335,7 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
     return SPS_OK;
 }
 
-/* `memory` NULL: only counts. Returns the floats. */
+/* `memory` NULL: only counts. */
 static size_t spsi_grids_lay_out(const spsi_frame *frame, float *memory, spsi_dense *grids) {
     size_t laid = 0;
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -27428,22 +27425,22 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
    38 Strict bounds of single scattering, along the rays of >>reference. On a step of length h, three Gauss points
    integrate F with an error up to h^7 / 2016000 * |F^(6)|. F is the field times exp(-optical depth from eye and light)
    times falloff, phase function and cone. Nearby voxels' differences bound derivatives of field and optical depth;
-   products, exponentials and powers have majorant series. In medium too dense for these, transmittances at a step's
-   ends bound its light. Where a shadow may begin, light lies between none and all. Steps are halved while that helps.
-   The field has untruncated kernels up to 4 voxels from a volume's box, and nothing beyond. Cost: pixels * steps * 3 *
-   (1 + lights * shadow steps * 3) * 512 voxels. */
+   products, exponentials and powers have majorant series. Where the medium is too dense for these, transmittances at a
+   step's ends bound its light. Where a shadow may begin, light lies between none and all. Steps are halved while that
+   helps. The field has untruncated kernels up to 4 voxels from a volume's box, and nothing beyond. Cost: pixels * steps
+   * 3 * (1 + lights * shadow steps * 3) * 512 voxels. */
 
 #define SPSI_BRACKET_ORDER    6
 #define SPSI_BRACKET_TAPS     8     /* per axis around a point */
-#define SPSI_BRACKET_STEP     0.75  /* most voxels: then the taps are enough */
+#define SPSI_BRACKET_STEP     0.75  /* voxels, at most: then the taps are enough */
 #define SPSI_BRACKET_TAIL     2e-8  /* kernels beyond the taps, relative to the largest value */
 #define SPSI_BRACKET_HALVINGS 12    /* most, in dense medium */
 #define SPSI_BRACKET_EDGES    6     /* likewise, at shadow edges and for wide bounds */
 #define SPSI_BRACKET_WIDE     1e-3  /* widest bounds, relative to opaque medium */
 #define SPSI_BRACKET_DENSE    0.5   /* most optical depth of a step, at its densest */
-#define SPSI_BRACKET_SEEN     10    /* behind this depth, nothing is halved: 5e-5 passes */
+#define SPSI_BRACKET_SEEN     10    /* behind this optical depth, nothing is halved: 5e-5 passes */
 #define SPSI_BRACKET_STEPS    1e8   /* most per ray */
-#define SPSI_BRACKET_DARK     27.6  /* behind this depth, shadows are ignored: 1e-12 passes */
+#define SPSI_BRACKET_DARK     27.6  /* behind this optical depth, shadows are ignored: 1e-12 passes */
 #define SPSI_BRACKET_ROOM     1e-9  /* relative, at shadow edges */
 
 
@@ -27625,9 +27622,9 @@ static spsi_enclosure spsi_bracket_light(const spsi_marcher *marcher, const spsi
 /* --- steps of the eye's ray --- */
 
 typedef struct spsi_step {
-    spsi_ray ray;                        /* low..high is the step */
-    double ends[2][3], points[3][3];     /* world */
-    spsi_step_gas gas[SPSI_VOLUMES_MAX]; /* per volume */
+    spsi_ray ray;
+    double ends[2][3], points[3][3];
+    spsi_step_gas gas[SPSI_VOLUMES_MAX];
     double particles[SPSI_SETS_MAX];     /* optical depth per set */
     spsi_enclosure before, depth;        /* up to the step, and in it */
     spsi_enclosure within[3];            /* depth from its beginning to its points */
@@ -27638,7 +27635,7 @@ typedef struct spsi_step {
 
 typedef struct spsi_incoming {
     spsi_enclosure depth[3]; /* optical depth at the step's points */
-    spsi_enclosure passes;   /* transmittance on all of it */
+    spsi_enclosure passes;   /* transmittance anywhere on it */
     spsi_series series;    /* optical depth, without term 0 */
     double falls[3];       /* falloff times phase function, at the points */
     spsi_enclosure range;  /* anywhere on the step */
@@ -27738,7 +27735,7 @@ SPSI_COLD spsi_enclosure spsi_step_integral(const spsi_marcher *marcher, const s
     return result;
 }
 
-/* Isotropic light. */
+/* Isotropic light: ambient or emitted. */
 SPSI_COLD void spsi_incoming_plain(spsi_incoming *incoming) {
     memset(incoming, 0, sizeof *incoming);
     incoming->passes = incoming->range = spsi_enclosure_of(1, 1);
@@ -27953,7 +27950,7 @@ SPSI_COLD void spsi_step_add_own(const spsi_marcher *marcher, const spsi_step *s
 
 /* --- polygons before a light --- */
 
-/* 0: too close to tell. */
+/* Returns 0 if too close to tell. */
 SPSI_COLD int spsi_plane_side(const double normal[3], const double on[3], const double point[3]) {
     double offset[3], side, room;
     spsi_along(point, on, -1, offset);
@@ -28150,7 +28147,7 @@ SPSI_COLD sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marc
 #define SPSI_PATHS_MAX    (1 << 20)
 #define SPSI_PATH_ROUND   16    /* most paths per pixel between calls of progress_fn */
 #define SPSI_PATH_BRICK   1e4f  /* greatest optical depth of a brick: beyond, no light passes */
-#define SPSI_PATH_GOES_ON 0.998 /* most survival: without absorption, paths end after 500 events */
+#define SPSI_PATH_GOES_ON 0.998 /* greatest survival probability: without absorption, 500 events */
 #define SPSI_PATH_WEIGHTY 3     /* events before Russian roulette */
 #define SPSI_PATH_SPLITS  0.05  /* transmittance below which one of two shadow rays ends */
 
@@ -28160,7 +28157,7 @@ typedef struct spsi_path {
     double from[3];  /* last event */
     double density;  /* per steradian, of its direction */
     uint64_t random; /* generator state */
-    int face;        /* start; -1: none */
+    int face;        /* starting face; -1: none */
     int scattered;   /* events so far */
     int off_face;    /* 1: last event on a polygon */
 } spsi_path;
@@ -28227,7 +28224,7 @@ typedef struct spsi_tracker {
     double voxel;           /* t per voxel */
     double t, end;
     double leave; /* end of the current brick */
-    double bound; /* bound there */
+    double bound; /* extinction bound there */
 } spsi_tracker;
 
 /* Border bricks reach as far as their kernels. */
@@ -28409,7 +28406,8 @@ static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, sp
     for (int c = 0; c < 3; ++c) light->color[c] = (float)((double)material->emission[c] / spsi_emission_of(material));
 }
 
-/* `density`: per steradian, of paths from the event. Returns the weight of drawing the point; paths have the rest. */
+/* `density`: per steradian, of paths from the event. Returns the weight of drawing the point; paths that meet it get
+   the rest. */
 static double spsi_emission_at(const spsi_marcher *marcher, const double event[3], double density,
                                const double point[3], double emitted[3]) {
     const spsi_bounds *bounds = &marcher->frame->content->bounds;
@@ -28461,6 +28459,7 @@ static void spsi_path_take(spsi_path *path, const double radiance[3]) {
     for (int c = 0; c < 3; ++c) path->radiance[c] += path->weight[c] * radiance[c];
 }
 
+/* Emission before the event, averaged over random events, is attenuated emission. */
 static void spsi_path_emission(const spsi_marcher *marcher, spsi_path *path) {
     const spsi_bounds *bounds = &marcher->frame->content->bounds;
     double range[2], point[3], emitted[3], weight;
@@ -28543,7 +28542,7 @@ static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample 
     path->off_face = 0;
 }
 
-/* No path goes behind the face's plane. */
+/* Excludes emission behind the face's plane: no path goes there. */
 static void spsi_path_light_face(const spsi_marcher *marcher, int face, const double plane[3],
                                  const spsi_surface *surface, const double color[3], spsi_path *path) {
     const int light_count = path->scattered > 0 ? marcher->frame->lights.count : 0;

@@ -17533,70 +17533,68 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
 }
 
 /* ================================================================================================ >>cells
-   29 Light scattered any number of times in every direction: discrete ordinates on a grid of cubes about the gas. Light
-   is carried from cell to cell in 50 directions, whose weights integrate polynomials of degree 11 over the sphere: the
-   26 to neighbours, and 24 that take three steps along an axis to one along the others [Lebedev 1976]. What comes at a
-   slant is interpolated between four cells. On its way of optical depth t through a cell that sends s in a direction,
-     out = s + (in - s) exp(-t),   mean = s + (in - s) (1 - exp(-t)) / t
-   conserves energy whatever t is. Light is described by its moments M, the means over all directions of radiance times
-   real harmonics Y of degree l below the number of orders, 1, 2 or 4; S is what a cell sends:
-     S[lm] = w' r[l] M[lm] + given[lm],   s(direction) = sum of S[lm] Y[lm]
-   The peak of a phase function, f = P[orders], passes light straight on: extinction is scaled by k = 1 - w f, albedo is
-   w' = w (1 - f) / k, and r[l] = (P[l] - f) / (1 - f). [Wiscombe 1977, delta-M]
-   The equations are solved by multigrid: cells of twice the edge correct what sweeps converge too slowly for, since a
-   sweep carries light once from scattering to scattering. Cost: 50 steps per cell, sweep and moment; 3 or 4 sweeps of
-   the finest level, 5 to 8 beside polygons.
-   An opaque polygon closes the links between cells whose centres it separates: nothing enters there but what it sends
-   itself, which is swept alone, as the light of one more lamp. */
+   29 Multiple scattering: discrete ordinates on a grid of cubic cells around the media. 50 directions integrate
+   polynomials of degree 11 over the sphere [Lebedev 1976]. 26 lead to neighbours; 24 slanted ones take three steps
+   along one axis and one along the others, interpolated between four cells. A step of optical depth t through a cell
+   of source s conserves energy:
+     out = s + (in - s) e^-t,   mean = s + (in - s) (1 - e^-t) / t.
+   Moments M are means of radiance times real harmonics Y of degree l < orders (1, 2 or 4). S is a cell's source:
+     S[lm] = w' r[l] M[lm] + given[lm],   s(direction) = sum of S[lm] Y[lm].
+   Delta-M scaling treats the forward peak f = P[orders] as transmitted [Wiscombe 1977]. Extinction scales by k = 1 -
+   w f, albedo is w' = w (1 - f) / k. r[l] = (P[l] - f) / (1 - f).
+   A sweep is one scattering event, so multigrid corrects smooth errors. Cost: 50 steps per cell, sweep and moment; 3
+   or 4 sweeps of the finest level, 5 to 8 near polygons.
+   Opaque polygons close links between cells whose centres they separate. Only the polygon's own light enters there,
+   swept separately as one more light. */
 
 #define SPSI_CELL_DIRECTIONS 50
-#define SPSI_CELL_STRAIGHT   26 /* of these: to neighbours */
-#define SPSI_CELL_LENGTHS    4  /* of a way through a cell: 1, sqrt 2, sqrt 3 and, at a slant, sqrt 11 / 3 edges */
-#define SPSI_CELL_ORDERS     4  /* most: degrees 0 to 3 */
-#define SPSI_CELL_TERMS      16 /* moments of four orders */
+#define SPSI_CELL_STRAIGHT   26 /* directions to neighbours */
+#define SPSI_CELL_LENGTHS    4  /* step lengths: 1, sqrt 2, sqrt 3 and, slanted, sqrt 11 / 3 edges */
+#define SPSI_CELL_ORDERS     4  /* maximum: degrees 0 to 3 */
+#define SPSI_CELL_TERMS      16
 #define SPSI_CELL_LEVELS     9  /* 256 cells, halved down to one */
 #define SPSI_CELL_ALONG      21 /* directions that rise along z */
-#define SPSI_CELL_BEAMS      17 /* most directions that a row of cells is swept in at once */
-#define SPSI_CELL_RAYS       64 /* by which a part of the grid's sides looks into it */
+#define SPSI_CELL_BEAMS      17 /* maximum swept together through a row */
+#define SPSI_CELL_RAYS       64 /* rays from a patch into the grid */
 
-/* A direction in which light is carried. */
+/* A discrete ordinate. */
 typedef struct spsi_cell_direction {
     int step[3];  /* -1, 0 or 1 */
-    int axis;     /* at a slant: along which it takes three steps; -1: straight */
-    int length;   /* of its way through a cell */
-    float weight; /* its share of the sphere */
+    int axis;     /* axis of the three steps; -1: straight */
+    int length;   /* index of the step length */
+    float weight; /* quadrature weight; the sum is 1 */
     float harmonic[SPSI_CELL_TERMS];
-    double back[3], across[2][3]; /* unit vectors: against it, and perpendicular */
+    double back[3], across[2][3]; /* unit vectors: opposite, and perpendicular */
 } spsi_cell_direction;
 
-/* A grid of cells for one channel, of a solver. Rows are padded to whole vectors by cells without extinction. */
+/* A multigrid level of one channel. Rows are padded to whole vectors with empty cells. */
 typedef struct spsi_cell_level {
     const struct spsi_cell_solver *solver;
     int size[3], pitch;                /* cells along each axis; floats per row */
     size_t count;                      /* floats per array */
-    float *depth;                      /* scaled optical depth along an edge */
-    float *through[SPSI_CELL_LENGTHS]; /* transmittance of a way */
-    float *average[SPSI_CELL_LENGTHS]; /* the mean of transmittance along it */
+    float *depth;                      /* delta-M scaled optical depth along an edge */
+    float *through[SPSI_CELL_LENGTHS]; /* transmittance of a step */
+    float *average[SPSI_CELL_LENGTHS]; /* its mean along the step */
     float *keep[SPSI_CELL_ORDERS];     /* w' r[l] */
-    float *given, *sent, *moments[2];  /* each an array per term; moments[1] is scratch after a sweep */
-    const float *blockers;             /* per cell: radiance that enters it by closed links; NULL: none */
-    /* Per cell: bit i closes the link of step i, >>lighting; then the same from outside the grid, by direction at a
-       slant. NULL: all are open. */
+    float *given, *sent, *moments[2];  /* an array per term; moments[1]: scratch after a sweep */
+    const float *blockers;             /* per cell: radiance entering through closed links; NULL: none */
+    /* Per cell: bit i closes the link of step i, >>lighting; then, from outside the grid, a bit per slanted direction.
+       NULL: all are open. */
     uint32_t *closed;
-    unsigned char *walled;             /* per row: 1: cells have closed links; 2: only from outside, which is dark */
+    unsigned char *walled;             /* per row; 1: has closed links; 2: only from outside, which is dark */
 } spsi_cell_level;
 
-/* Entries of a row of cells. Lookups read two columns. */
+/* Lookups read two columns. */
 static int spsi_cell_pitch(int cells) { return spsi_imax(2, (cells + SPSI_LANES - 1) / SPSI_LANES * SPSI_LANES); }
 
-/* Floats from one array of cells to the next. If these were a multiple of 4096 bytes, a cell's entries in all arrays
-   would share one set of a cache, which has fewer places than a level has arrays: five lines more keep them apart. */
+/* At strides of 4096 bytes, a cell's entries in all arrays would compete for one cache set; five more lines separate
+   them. */
 SPSI_COLD size_t spsi_cell_stride(size_t cells) {
     return cells < 4096 ? cells : cells + (1024 + 80 - cells % 1024) % 1024;
 }
 
-/* The rays by which a part of the grid's sides looks into it. `out`: along the side, and out of it; `weight`: in flux;
-   `harmonic`: of `out`; `fit`: what a ray's radiance counts in each harmonic. */
+/* Rays from a patch: two components along the side, one outwards; weights in flux, and by least squares in each
+   harmonic. */
 typedef struct spsi_cell_rays {
     float out[3][SPSI_CELL_RAYS], weight[SPSI_CELL_RAYS];
     float harmonic[SPSI_CELL_RAYS][SPSI_CELL_TERMS], fit[SPSI_CELL_RAYS][SPSI_CELL_TERMS];
@@ -17607,19 +17605,18 @@ typedef struct spsi_cell_solver {
     spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
     int orders, terms, level_count;
     spsi_cell_level levels[SPSI_CELL_LEVELS];
-    float *scratch;  /* rows and planes of radiance */
-    double *balance; /* per plane of cells: what is missing, and what is sent */
+    float *scratch;  /* radiance of rows and planes */
+    double *balance; /* per plane of cells: absolute residual and source */
     spsi_cell_rays rays;
-    int walled;          /* 1: links between cells are closed */
-    int set_count; /* sets in `single`: pairs of a light and a gas */
-    float *single; /* per set and cell: single scattering over the phase function, which cells do not send */
+    int walled;          /* 1: some links are closed */
+    int set_count; /* pairs of a light and a medium in `single` */
+    float *single; /* per set and cell: single scattering over the phase function, not sent by cells */
 } spsi_cell_solver;
 
-/* The link by which light in the direction of a step enters a cell. */
+/* Bit of a step's link. */
 static int spsi_cell_link(int x, int y, int z) { return x + 1 + 3 * (y + 1) + 9 * (z + 1); }
 
-/* Real harmonics whose squares have the mean 1 over the sphere: terms l^2 to (l + 1)^2 - 1 are of degree l. Of a vector
-   of directions, up to a number of terms: 1, 4 or all. */
+/* Real harmonics of mean square 1: degree l has terms l^2 to (l + 1)^2 - 1. `terms` is 1, 4 or all. */
 static inline void spsi_harmonics_v(const spsi_v v[3], int terms, spsi_v out[SPSI_CELL_TERMS]) {
     const spsi_v x = v[0], y = v[1], z = v[2], xx = spsi_mul(x, x), yy = spsi_mul(y, y), zz = spsi_mul(z, z);
     const spsi_v five = spsi_fma(zz, spsi_set(5), spsi_set(-1)), apart = spsi_sub(xx, yy), xy = spsi_mul(x, y);
@@ -17644,7 +17641,6 @@ static inline void spsi_harmonics_v(const spsi_v v[3], int terms, spsi_v out[SPS
     out[15] = spsi_mul(spsi_mul(spsi_set(2.0916501f), x), spsi_fma(yy, spsi_set(-3), xx));
 }
 
-/* All of them for one direction. */
 static void spsi_harmonics(const double v[3], float out[SPSI_CELL_TERMS]) {
     spsi_v from[3], all[SPSI_CELL_TERMS];
     spsi_set3(v, from);
@@ -17652,7 +17648,6 @@ static void spsi_harmonics(const double v[3], float out[SPSI_CELL_TERMS]) {
     for (int i = 0; i < SPSI_CELL_TERMS; ++i) out[i] = spsi_one(all[i]);
 }
 
-/* The degree of a term. */
 static int spsi_term_degree(int term) { return term == 0 ? 0 : term < 4 ? 1 : term < 9 ? 2 : 3; }
 
 SPSI_COLD void spsi_cell_direction_build(int x, int y, int z, int axis, spsi_cell_direction *direction) {
@@ -17670,8 +17665,7 @@ SPSI_COLD void spsi_cell_direction_build(int x, int y, int z, int axis, spsi_cel
     spsi_basis(direction->back, direction->across[0], direction->across[1]);
 }
 
-/* All directions: those to neighbours, by step along z, then y, then x; then those at a slant that fall along z, and
-   those that rise: four along z, four that rise along y, four that fall. */
+/* Neighbours; then slanted directions that fall along z, and rise: four along z, four rising along y, four falling. */
 SPSI_COLD void spsi_cell_directions(spsi_cell_direction directions[SPSI_CELL_DIRECTIONS]) {
     spsi_cell_direction *next = directions;
     for (int i = 0; i < 27; ++i)
@@ -17684,7 +17678,7 @@ SPSI_COLD void spsi_cell_directions(spsi_cell_direction directions[SPSI_CELL_DIR
     }
 }
 
-/* Where links between cells begin and end: next to their centres, off the planes in which polygons often lie. */
+/* End points of links: next to cell centres, since polygons often lie in planes through centres. */
 static void spsi_cell_centre(const spsi_cell_grid *grid, int scale, int x, int y, int z, double centre[3]) {
     static const double off[3] = {0.5 + 0.0113, 0.5 + 0.0171, 0.5 + 0.0139};
     const int at[3] = {x, y, z};
@@ -17693,7 +17687,7 @@ static void spsi_cell_centre(const spsi_cell_grid *grid, int scale, int x, int y
 
 /* --- one sweep --- */
 
-/* Directions in which a row is swept at once: in[i][x] is the radiance that enters cell x. */
+/* Directions swept together: in[i][x] is radiance entering cell x. */
 typedef struct spsi_cell_beams {
     int count;
     const spsi_cell_direction *direction[SPSI_CELL_BEAMS];
@@ -17701,7 +17695,7 @@ typedef struct spsi_cell_beams {
     float *out[SPSI_CELL_BEAMS];
 } spsi_cell_beams;
 
-/* Carries light through a row and adds to its moments. `before`: arrays whose sum the moments begin with; NULL: 0. */
+/* Sweeps a row and accumulates moments, beginning with the sum of `before`. */
 static inline void spsi_cell_row_of(const spsi_cell_level *level, size_t row, const spsi_cell_beams *beams,
                                     const float *const before[2], float *moments, int terms) {
     for (size_t at = row; at < row + (size_t)level->pitch; at += SPSI_LANES) {
@@ -17728,7 +17722,7 @@ static inline void spsi_cell_row_of(const spsi_cell_level *level, size_t row, co
     }
 }
 
-/* The same; the number of terms is known to the compiler. */
+/* Fixes `terms` at compile time. */
 static void spsi_cell_row(const spsi_cell_level *level, size_t row, const spsi_cell_beams *beams,
                           const float *const before[2], float *moments, int terms) {
     if (terms == 1) spsi_cell_row_of(level, row, beams, before, moments, 1);
@@ -17736,30 +17730,27 @@ static void spsi_cell_row(const spsi_cell_level *level, size_t row, const spsi_c
     if (terms == SPSI_CELL_TERMS) spsi_cell_row_of(level, row, beams, before, moments, SPSI_CELL_TERMS);
 }
 
-/* Floats of a row of radiance, which begins with a vector of nothing, as the next row does: what enters from either
-   side; and of a plane with a row on either side. */
+/* Rows begin with zeros, the boundary of both neighbouring rows; planes have an empty row on either side. */
 static size_t spsi_cell_row_floats(const spsi_cell_level *level) { return (size_t)level->pitch + SPSI_LANES; }
 static size_t spsi_cell_plane_floats(const spsi_cell_level *level) {
     return spsi_cell_row_floats(level) * (size_t)(level->size[1] + 2) + SPSI_LANES;
 }
 
-/* Floats of what sweeps along z keep: two planes for each direction, rows for the eight at a slant that are swept at
-   once, two of what cells send, and one for each of the nine others, which may enter closed cells. */
+/* Two planes per direction; 8 rows of slanted inflow, 2 of sources, 9 for closed cells. */
 static size_t spsi_cell_along_floats(const spsi_cell_level *level) {
     return 2 * SPSI_CELL_ALONG * spsi_cell_plane_floats(level) + 19 * spsi_cell_row_floats(level);
 }
 
-#define SPSI_CELL_ROWS 16 /* of radiance per plane of cells, for directions within it */
+#define SPSI_CELL_ROWS 16 /* rows per plane, for directions within it */
 
-/* Floats of a solver's scratch: for sweeps both ways along z, or for rows within each plane of cells. */
 SPSI_COLD size_t spsi_cell_scratch_floats(const spsi_cell_level *finest) {
     const size_t along = 2 * spsi_cell_along_floats(finest);
     const size_t rows = SPSI_CELL_ROWS * spsi_cell_row_floats(finest) * (size_t)finest->size[2];
     return along > rows ? along : rows;
 }
 
-/* The distance between cells of a row whose links may be closed, from the first one on; 0: all are open. Those from
-   outside matter only for what polygons send; of a row within the grid, only both ends have such. */
+/* Stride between cells with possibly closed links, from the first on; 0: none. Links from outside matter only for light
+   of polygons. */
 static int spsi_cell_row_closed(const spsi_cell_level *level, size_t row) {
     const int number = (int)(row / (size_t)level->pitch), y = number % level->size[1], z = number / level->size[1];
     const int walled = level->closed ? level->walled[number] : 0;
@@ -17768,8 +17759,7 @@ static int spsi_cell_row_closed(const spsi_cell_level *level, size_t row) {
     return spsi_imax(1, level->size[0] - 1);
 }
 
-/* What enters a row of cells from their neighbours, given what has left those: a copy in `own`, where links are
-   closed. */
+/* Inflow from neighbouring cells: `in`, or a copy in `own` where links are closed. */
 static const float *spsi_cell_row_enters(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
                                          const float *in, float *own) {
     const int link = spsi_cell_link(direction->step[0], direction->step[1], direction->step[2]);
@@ -17786,7 +17776,6 @@ static const float *spsi_cell_row_enters(const spsi_cell_level *level, size_t ro
     return own;
 }
 
-/* What a row of cells sends in a direction. */
 static void spsi_cell_row_sent(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
                                int terms, float *sent) {
     for (size_t x = 0; x < (size_t)level->pitch; x += SPSI_LANES) {
@@ -17798,9 +17787,7 @@ static void spsi_cell_row_sent(const spsi_cell_level *level, size_t row, const s
     }
 }
 
-/* The links by which light in a direction enters the cells of a row from neighbours, `step` cells before: those within
-   the grid, and that of the cell at `end`, whose neighbour is outside. From there, light at a slant has links of its
-   own. */
+/* Links into a row from `step` back. Cell `end` borders the outside, where slanted directions have their own links. */
 typedef struct spsi_cell_links {
     const uint32_t *closed[2];
     int bit[2], end;
@@ -17827,7 +17814,7 @@ static inline int spsi_cell_link_blocked(const spsi_cell_links *links, int x) {
     return (int)(links->closed[outside][x] >> links->bit[outside] & 1);
 }
 
-/* spsi_cell_rows_follow for one of the directions, where links within the row are closed. */
+/* spsi_cell_rows_follow for one direction, with closed links. */
 static void spsi_cell_row_follow_closed(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
                                         const float *sent, float share, float *in) {
     const int back = direction->step[0] < 0, step[3] = {direction->step[0], 0, 0};
@@ -17842,7 +17829,7 @@ static void spsi_cell_row_follow_closed(const spsi_cell_level *level, size_t row
     }
 }
 
-/* Adds what polygons outside the grid send into a row's end. */
+/* Adds light of outside polygons to a row's end. */
 static void spsi_cell_row_end(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
                               float share, float *in) {
     const int step[3] = {direction->step[0], 0, 0};
@@ -17850,9 +17837,8 @@ static void spsi_cell_row_end(const spsi_cell_level *level, size_t row, const sp
     if (spsi_cell_link_blocked(&links, links.end)) in[links.end] += share * level->blockers[row + (size_t)links.end];
 }
 
-/* The radiance that enters each cell of a row in two directions, the first with a step back along x, the second with
-   one ahead: what is in `in` already, and `share` of what leaves the cell before it. Each cell waits for that one; two
-   directions at once hide half of the time. `sent`: two scratch rows. */
+/* Adds weighted outflow of previous cells to a row's inflow, back and ahead along x. Pairing directions hides half of
+   this recurrence's latency. `sent`: scratch rows. */
 static void spsi_cell_rows_follow(const spsi_cell_level *level, size_t row,
                                   const spsi_cell_direction *const direction[2], float share, float *const sent[2],
                                   float *const in[2]) {
@@ -17866,7 +17852,7 @@ static void spsi_cell_rows_follow(const spsi_cell_level *level, size_t row,
     }
     if (stride == 1) return;
     for (int x = 0; x <= last; x += SPSI_LANES)
-        for (int i = 0; i < 2; ++i) { /* what would leave without what is added: a multiplication is left to wait for */
+        for (int i = 0; i < 2; ++i) { /* one multiplication remains in the recurrence */
             const spsi_v s = spsi_load(sent[i] + x), more = spsi_sub(spsi_load(in[i] + x), s);
             spsi_store(sent[i] + x, spsi_fma(more, spsi_load(through + x), s));
         }
@@ -17880,12 +17866,12 @@ static void spsi_cell_rows_follow(const spsi_cell_level *level, size_t row,
 
 /* --- sweeping --- */
 
-/* A plane that is being swept along z, falling (index 0) or rising (1). */
+/* A sweep along z, falling (index 0) or rising (1). */
 typedef struct spsi_cell_along {
     const spsi_cell_level *level;
     const spsi_cell_direction *directions[SPSI_CELL_ALONG];
-    float *planes, *rows; /* two planes for each direction; rows of what enters at a slant, and what is sent */
-    int index, z, number; /* number: of planes before this one */
+    float *planes, *rows; /* two planes per direction; rows of slanted inflow and sources */
+    int index, z, number; /* number: planes swept before this one */
 } spsi_cell_along;
 
 static void spsi_cell_along_begin(const spsi_cell_level *level, int index, spsi_cell_along *along) {
@@ -17899,7 +17885,7 @@ static void spsi_cell_along_begin(const spsi_cell_level *level, int index, spsi_
     memset(along->planes, 0, spsi_cell_along_floats(level) * sizeof(float));
 }
 
-/* The radiance that has left row y in this plane, or in the one before. */
+/* Outflow of row y, in this plane or the previous one. */
 static float *spsi_cell_along_row(const spsi_cell_along *along, int direction, int before, int y) {
     const spsi_cell_level *level = along->level;
     const int plane = 2 * direction + (before ? along->number % 2 : 1 - along->number % 2);
@@ -17909,8 +17895,7 @@ static float *spsi_cell_along_row(const spsi_cell_along *along, int direction, i
 
 static const float spsi_cell_weights[4] = {4.0f / 9, 2.0f / 9, 2.0f / 9, 1.0f / 9};
 
-/* Puts right what enters the closed cells of a row at a slant, given what has left four rows. Along x, the cell
-   straight on is followed in turn. */
+/* Corrects closed cells. Along x, spsi_cell_rows_follow adds the straight neighbour. */
 static void spsi_cell_slant_closed(const spsi_cell_level *level, const spsi_cell_direction *direction, size_t row,
                                    const float *const from[4], float *in) {
     const uint32_t *closed = level->closed;
@@ -17933,8 +17918,7 @@ static void spsi_cell_slant_closed(const spsi_cell_level *level, const spsi_cell
     }
 }
 
-/* The radiance that enters row y at a slant, a third of the way between four cells: straight on, except along x, and a
-   step along x aside. */
+/* Slanted inflow, interpolated between four cells at a third of an edge from the straight one. */
 static void spsi_cell_along_slant(const spsi_cell_along *along, int i, int y, float *in) {
     const spsi_cell_level *level = along->level;
     const spsi_cell_direction *direction = along->directions[i];
@@ -17951,8 +17935,7 @@ static void spsi_cell_along_slant(const spsi_cell_along *along, int i, int y, fl
     spsi_cell_slant_closed(along->level, direction, row, from, in);
 }
 
-/* Sets what enters row y in some directions, which leave it in the plane's buffers. The last two take three steps along
-   x, back and ahead. */
+/* Sets inflow and outflow buffers. The last two directions take three steps along x. */
 static void spsi_cell_along_enter(const spsi_cell_along *along, int first, int y, spsi_cell_beams *beams) {
     const spsi_cell_level *level = along->level;
     const size_t pitch = spsi_cell_row_floats(level),
@@ -17978,7 +17961,7 @@ static void spsi_cell_along_enter(const spsi_cell_along *along, int first, int y
                           &slanted[slants - 2]);
 }
 
-/* Sweeps some directions through the plane, in rising or falling order of rows; the first ones begin the moments. */
+/* Sweeps the plane in rising or falling order of rows. The first directions reset the moments. */
 static void spsi_cell_along_sweep(const spsi_cell_along *along, int first, int count, int falls) {
     const spsi_cell_level *level = along->level;
     float *moments = level->moments[along->index];
@@ -17993,7 +17976,7 @@ static void spsi_cell_along_sweep(const spsi_cell_along *along, int first, int c
     }
 }
 
-/* Sweeps all directions that fall (index 0) or rise (1) along z, plane by plane. */
+/* Sweeps the directions that fall (index 0) or rise (1) along z. */
 static void spsi_cells_along_task(void *data, int index) {
     const spsi_cell_level *level = (const spsi_cell_level *)data;
     const int planes = level->size[2];
@@ -18006,8 +17989,7 @@ static void spsi_cells_along_task(void *data, int index) {
     }
 }
 
-/* Sweeps the directions without a step along z, within plane z: the three that fall along y, or the others, of which
-   the first two go along x. */
+/* Three directions that fall along y, or the other five, the first two along x. */
 static void spsi_cells_across(const spsi_cell_level *level, int z, int falls, const float *const before[2],
                               float *rows) {
     const spsi_cell_direction *directions = &level->solver->directions[falls ? 9 : 12];
@@ -18039,7 +18021,6 @@ static void spsi_cells_across(const spsi_cell_level *level, int z, int falls, co
     }
 }
 
-/* Sweeps what is left, within plane z: directions without a step along z. */
 static void spsi_cells_plane_task(void *data, int z) {
     const spsi_cell_level *level = (const spsi_cell_level *)data;
     const float *const both[2] = {level->moments[0], level->moments[1]}, *const one[2] = {level->moments[0], NULL};
@@ -18048,7 +18029,6 @@ static void spsi_cells_plane_task(void *data, int z) {
     spsi_cells_across(level, z, 0, one, rows);
 }
 
-/* Carries what cells send through all of the grid. */
 SPSI_COLD void spsi_cells_sweep(spsi_cell_level *level) {
     spsi_parallel_items(level->solver->context, 2, spsi_cells_along_task, level);
     spsi_parallel_items(level->solver->context, level->size[2], spsi_cells_plane_task, level);
@@ -18056,8 +18036,7 @@ SPSI_COLD void spsi_cells_sweep(spsi_cell_level *level) {
 
 /* --- the equations --- */
 
-/* Of what a cell sends in moments of one degree, what it does not receive itself and scatter again. Of its own mean,
-   the share 1 - (1 - exp(-t)) / t has not left it. */
+/* 1 - `keep` times the fraction of a cell's source in its own mean radiance, 1 - (1 - exp(-t)) / t. */
 static inline spsi_v spsi_cell_escaped(const spsi_cell_level *level, const float *keep, size_t at) {
     static const float share[SPSI_CELL_LENGTHS] = {24.0f / 315, 768.0f / 2835, 216.0f / 1280, 351384.0f / 725760};
     spsi_v own = spsi_set(0);
@@ -18066,7 +18045,7 @@ static inline spsi_v spsi_cell_escaped(const spsi_cell_level *level, const float
     return spsi_max(spsi_sub(spsi_set(1), spsi_mul(spsi_load(keep + at), own)), spsi_set(1e-6f));
 }
 
-/* After a sweep: what each cell of a plane sends too little, as a residual in moments[1], and the plane's balance. */
+/* Residuals, in moments[1], and the plane's balance. */
 static void spsi_cells_residual_task(void *data, int z) {
     const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
@@ -18092,7 +18071,7 @@ static void spsi_cells_residual_task(void *data, int z) {
     balance[1] = spsi_total(all);
 }
 
-/* The same, put right as far as a cell by itself can: what it sends more, it receives in part. */
+/* Residuals, and a Jacobi step. */
 static void spsi_cells_relax_task(void *data, int z) {
     const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
@@ -18109,7 +18088,7 @@ static void spsi_cells_relax_task(void *data, int z) {
 
 /* --- levels --- */
 
-/* Two levels, and arrays of the finer one that the coarser one takes on the mean: one after the other. */
+/* Consecutive arrays to transfer between two levels. */
 typedef struct spsi_cell_step {
     const spsi_cell_level *fine, *coarse;
     const float *from;
@@ -18117,8 +18096,7 @@ typedef struct spsi_cell_step {
     int count;
 } spsi_cell_step;
 
-/* Optical depth of a plane of coarse cells, and the means by it, which stay 0 where there is none: over the eight cells
-   of the finer level that each covers, those beyond its end left out. */
+/* Restricts optical depth, and means weighted by it over up to eight fine cells. Empty cells stay 0. */
 static void spsi_cells_coarsen_task(void *data, int z) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
@@ -18144,13 +18122,13 @@ static void spsi_cells_coarsen_task(void *data, int z) {
         }
 }
 
-/* The coarse cell beside the one that holds fine cell x, on its side; the same one at the grid's end. */
+/* The next coarse cell on fine cell x's side; its own one at the grid's end. */
 static int spsi_cell_neighbour(int x, int size) {
     const int beside = x / 2 + (x & 1 ? 1 : -1);
     return beside < 0 || beside >= size ? x / 2 : beside;
 }
 
-/* The four rows of coarse cells about a fine one, of one term of one of their arrays. */
+/* The four coarse rows around a fine one. */
 static void spsi_cell_rows_about(const spsi_cell_level *coarse, const float *term, int y, int z, const float *row[4]) {
     const int planes[2] = {z / 2, spsi_cell_neighbour(z, coarse->size[2])};
     const int lines[2] = {y / 2, spsi_cell_neighbour(y, coarse->size[1])};
@@ -18158,7 +18136,7 @@ static void spsi_cell_rows_about(const spsi_cell_level *coarse, const float *ter
         row[i] = term + (size_t)(planes[i >> 1] * coarse->size[1] + lines[i & 1]) * (size_t)coarse->pitch;
 }
 
-/* Interpolates linearly between the centres of coarse cells. */
+/* Trilinear interpolation between coarse centres. */
 static inline float spsi_cell_rows_at(const float *const row[4], int x, int size) {
     const int near_by = x / 2, beside = spsi_cell_neighbour(x, size);
     const float here = 9 * row[0][near_by] + 3 * (row[1][near_by] + row[2][near_by]) + row[3][near_by];
@@ -18166,8 +18144,7 @@ static inline float spsi_cell_rows_at(const float *const row[4], int x, int size
     return (3 * here + next) * (1.0f / 64);
 }
 
-/* Adds to what a plane of cells sends what it misses: as much of it as coarse cells represent, and what they find comes
-   back of that; and the rest, which a cell by itself puts right: what it sends more, it receives in part. */
+/* Prolongs the coarse source and its scattered moments; relaxes the rest per cell. */
 static void spsi_cells_correct_task(void *data, int z) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
@@ -18189,7 +18166,7 @@ static void spsi_cells_correct_task(void *data, int z) {
         }
 }
 
-/* Ways through the cells of a plane. */
+/* Transmittances of a plane's steps. */
 static void spsi_cells_ways_task(void *data, int z) {
     static const float ways[SPSI_CELL_LENGTHS] = {1, 1.41421356f, 1.73205081f, 1.10554160f};
     const spsi_cell_level *level = (const spsi_cell_level *)data;
@@ -18204,11 +18181,11 @@ static void spsi_cells_ways_task(void *data, int z) {
 
 /* --- solving --- */
 
-#define SPSI_CELL_BALANCE 5e-4 /* of what cells send: what may be missing */
-#define SPSI_CELL_CYCLES  8    /* at most */
-#define SPSI_CELL_REPEATS 4    /* sweeps of the coarsest level, which has at most 4 cells along its longest side */
+#define SPSI_CELL_BALANCE 5e-4 /* tolerated residual over source */
+#define SPSI_CELL_CYCLES  8    /* maximum */
+#define SPSI_CELL_REPEATS 4    /* sweeps of the coarsest level: at most 4 cells along its longest side */
 
-/* The share of what a level's cells send that was missing after its last sweep. */
+/* Residual over source, after a level's last sweep. */
 SPSI_COLD double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_cell_level *level) {
     double missing = 0, sent = 0;
     for (int z = 0; z < level->size[2]; ++z) {
@@ -18218,15 +18195,14 @@ SPSI_COLD double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi
     return sent > 0 ? missing / sent : 0;
 }
 
-/* Sweeps a level, and finds what its cells miss, or mends it. */
+/* Sweeps, then finds residuals or relaxes. */
 static void spsi_cells_check(spsi_cell_level *level, spsi_item_fn task) {
     spsi_cells_sweep(level);
     spsi_parallel_items(level->solver->context, level->size[2], task, level);
 }
 
-/* Corrects what a level sends, given what it misses, by two cycles of the next coarser one; the coarsest is mended as
-   often as it takes. Coarse levels are mended before they are corrected, which halves the number of cycles; the finest
-   converges as fast without. Recursion is as deep as there are levels. */
+/* A W-cycle: two cycles of the next coarser level correct this one. Coarse levels sweep first for their residual; the
+   finest has it. Recursion is as deep as there are levels. */
 SPSI_COLD void spsi_cells_v_cycle(spsi_cell_solver *solver, int n) {
     spsi_cell_level *level = &solver->levels[n], *coarse = level + 1;
     if (n == solver->level_count - 1) {
@@ -18234,7 +18210,7 @@ SPSI_COLD void spsi_cells_v_cycle(spsi_cell_solver *solver, int n) {
         return;
     }
     if (n > 0) spsi_cells_check(level, spsi_cells_residual_task);
-    /* coarse cells are given what fine ones miss */
+    /* restricts the residual */
     spsi_cell_step step = {level, coarse, level->moments[1], coarse->given, solver->terms};
     spsi_parallel_items(solver->context, coarse->size[2], spsi_cells_coarsen_task, &step);
     spsi_copy(solver->context, coarse->sent, coarse->given, (size_t)solver->terms * coarse->count * sizeof(float));
@@ -18256,9 +18232,8 @@ SPSI_COLD void spsi_cells_levels(spsi_cell_solver *solver) {
     }
 }
 
-/* Solves for what cells of the finest level send, whose depth, keep and given are set; moments, and what leaves, are
-   those of what is sent. Before anything is sent, all that is given is missing: coarse levels begin. `started`: 1:
-   cells send what they did before more was given. */
+/* Solves for the finest level's source, given its depth, keep and given, and leaves its moments. `started`: 1:
+   continues after more was given. */
 SPSI_COLD sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, const spsi_call_stage *part) {
     spsi_cell_level *finest = &solver->levels[0];
     const size_t bytes = (size_t)solver->terms * finest->count * sizeof(float);
@@ -18277,16 +18252,14 @@ SPSI_COLD sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, con
     }
 }
 
-/* --- what the eye looks up --- */
+/* --- lookup along camera rays --- */
 
-/* A grid and the eye that looks at it. */
 typedef struct spsi_cell_viewer {
     const spsi_frame *frame;
     spsi_cell_grid *grid;
 } spsi_cell_viewer;
 
-/* The direction from a cell's centre to the eye, also as harmonics. Rays look up cells beside and behind the eye, too:
-   these count as half an edge ahead of it, so that the direction is never 0. */
+/* Rays also look up cells behind the eye: these count as half an edge ahead, so that the direction is never 0. */
 static void spsi_cell_toward_eye(const spsi_cell_viewer *look, int x, int y, int z, double toward[3],
                                  float harmonic[SPSI_CELL_TERMS]) {
     const spsi_rays *eye = &look->frame->content->eye;
@@ -18300,8 +18273,8 @@ static void spsi_cell_toward_eye(const spsi_cell_viewer *look, int x, int y, int
     spsi_harmonics(toward, harmonic);
 }
 
-/* What a material scatters of first flights towards the eye, in a cell and channel. Light in a lobe of mean cosine b
-   about one direction is made one of b g by a lobe g. In gas that glows, its own light is even. */
+/* First flights that a material scatters towards the eye. A lobe g turns mean cosine b into b g. A glowing medium's own
+   light is isotropic. */
 static float spsi_cell_flown(const spsi_cell_viewer *look, int m, const double toward[3], int c, size_t at) {
     const spsi_cell_grid *grid = look->grid;
     const spsi_material *material = &look->frame->matter.materials[m];
@@ -18323,8 +18296,7 @@ static float spsi_cell_flown(const spsi_cell_viewer *look, int m, const double t
     return (float)sum * (flown[0] - trapped[(size_t)grid->channels * grid->count]) + *trapped;
 }
 
-/* The radiance that each material sends towards the eye per unit of what it scatters, for a row of cells: 0 for empty
-   ones. */
+/* Radiance towards the eye per scattered optical depth of each material; 0 in empty cells. */
 static void spsi_cells_viewer_task(void *data, int row) {
     const spsi_cell_viewer *look = (const spsi_cell_viewer *)data;
     const spsi_cell_grid *grid = look->grid;
@@ -18350,8 +18322,8 @@ static void spsi_cells_viewer_task(void *data, int row) {
     }
 }
 
-/* The mean of what is seen of cells beside an empty one, each continued by the next one beyond; without any, of those
-   that share an edge or a corner with it; 0 without these. */
+/* Extrapolates to an empty cell: the mean of six neighbours, each continued linearly; else of edge and corner
+   neighbours; else 0. */
 static float spsi_cells_extrapolated(const spsi_cell_grid *grid, const float *seen, const int at[3]) {
     const int *size = grid->size;
     const size_t pitch = (size_t)grid->pitch, here = (size_t)(at[2] * size[1] + at[1]) * pitch + (size_t)at[0];
@@ -18373,8 +18345,7 @@ static float spsi_cells_extrapolated(const spsi_cell_grid *grid, const float *se
     return count[0] > 0 ? sum[0] / (float)count[0] : count[1] > 0 ? sum[1] / (float)count[1] : 0;
 }
 
-/* Continues what is seen into a row's empty cells: light changes its slope where gas ends, and gas within half a cell
-   of its end is between both. */
+/* Radiance has a kink at a medium's boundary, and lookups interpolate across. */
 static void spsi_cells_extrapolate_task(void *data, int row) {
     const spsi_cell_viewer *look = (const spsi_cell_viewer *)data;
     const spsi_cell_grid *grid = look->grid;
@@ -18389,37 +18360,34 @@ static void spsi_cells_extrapolate_task(void *data, int row) {
     }
 }
 
-/* --- what lights polygons --- */
+/* --- irradiance of polygons --- */
 
-#define SPSI_CELL_PATCHES 8 /* along each edge of a side of the grid */
+#define SPSI_CELL_PATCHES 8 /* patches along an edge of a side */
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
-/* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
+/* By side (x, y, z, the lower one first), then the higher axis along it, then the lower. */
 #define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
-#define SPSI_CELL_AIM 0.6f /* of a way through the grid: where light that leaves it comes from */
-#define SPSI_CELL_PLACES 6 /* floats of where a patch is: its middle, from the grid's corner; area; widths */
+#define SPSI_CELL_AIM 0.6f /* depth of outgoing light's origin over its path through the grid */
+#define SPSI_CELL_PLACES 6 /* floats of geometry: centre, from the grid's corner; area; widths */
 
-/* Floats of a grid's patches: where they are and, per channel, what leaves each: flux, and a sum of harmonics. Then
-   follow as many for each light and phase function: single scattering over that. */
+/* Geometry, flux and harmonics per channel; then the latter per light and phase function, as single scattering over the
+   phase function. */
 SPSI_COLD size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
     const int sets = 1 + grid->light_count * grid->peak_count;
     return (size_t)((SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * sets * grid->channels) * SPSI_CELL_SHEET);
 }
 
-/* What leaves patches in a channel. */
 static float *spsi_cell_patches_sent(const spsi_cell_grid *grid, int channel) {
     return grid->patches + (SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * channel) * SPSI_CELL_SHEET;
 }
 
-/* Where a patch begins, as a share of the side's edge: at rims, where light changes most, patches are half as wide. */
+/* Over edge length. At rims, where light changes most, patches are half as wide. */
 static double spsi_cell_patch_begin(const spsi_cell_grid *grid, int patch) {
     const double at = (double)patch / grid->across;
     return 0.5 * at * (1 + at * (3 - 2 * at));
 }
 
-/* The side of the grid that a patch is part of. */
 static int spsi_cell_patch_side(const spsi_cell_grid *grid, int patch) { return patch / (grid->across * grid->across); }
 
-/* Sets where a patch begins and ends along the first or second axis of its side. */
 static void spsi_cell_patch_set(const spsi_cell_grid *grid, int patch, int i, double begin, double end) {
     const int axis = spsi_cell_patch_side(grid, patch) / 2, along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
     float *own = grid->patches + patch;
@@ -18428,8 +18396,7 @@ static void spsi_cell_patch_set(const spsi_cell_grid *grid, int patch, int i, do
     own[3 * SPSI_CELL_SHEET] = own[4 * SPSI_CELL_SHEET] * own[5 * SPSI_CELL_SHEET];
 }
 
-/* Sets a patch's rays: half of the sphere is that of an octahedron, seen as a square of 8 x 8. The sum of harmonics
-   that is nearest to what they find, by solid angle, is linear in that. */
+/* A hemi-octahedral map of 8 x 8; fitted by solid angle. */
 static void spsi_cell_rays_build(spsi_cell_rays *rays) {
     double matrix[SPSI_CELL_TERMS][SPSI_CELL_TERMS] = {{0}}, fit[SPSI_CELL_TERMS][SPSI_CELL_RAYS];
     for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
@@ -18446,7 +18413,7 @@ static void spsi_cell_rays_build(spsi_cell_rays *rays) {
             for (int k = 0; k < SPSI_CELL_TERMS; ++k) matrix[i][k] += fit[i][n] * (double)harmonic[k];
         }
     }
-    for (int i = 0; i < SPSI_CELL_TERMS; ++i) /* Gauss and Jordan: the matrix is positive definite */
+    for (int i = 0; i < SPSI_CELL_TERMS; ++i) /* Gauss-Jordan: positive definite */
         for (int k = 0; k < SPSI_CELL_TERMS; ++k) {
             const double share = k == i ? 1 - 1 / matrix[i][i] : matrix[k][i] / matrix[i][i];
             for (int m = 0; m < SPSI_CELL_TERMS; ++m) matrix[k][m] -= share * matrix[i][m];
@@ -18456,10 +18423,10 @@ static void spsi_cell_rays_build(spsi_cell_rays *rays) {
         for (int n = 0; n < SPSI_CELL_RAYS; ++n) rays->fit[n][i] = (float)fit[i][n];
 }
 
-/* About what even gas of an optical depth takes of light. */
+/* Approximate opacity of a uniform medium. */
 static inline spsi_v spsi_cell_shape(spsi_v depth) { return spsi_div(depth, spsi_add(depth, spsi_set(1))); }
 
-/* The length of a way through the grid, in units of `way`: from a place on its sides, relative to the corner. */
+/* Path length from a place on the grid's sides, over the direction's length. */
 static inline spsi_v spsi_cell_way_through(const double extent[3], const spsi_v from[3], const spsi_v way[3]) {
     spsi_v length = spsi_set(1e30f);
     for (int k = 0; k < 3; ++k) {
@@ -18470,9 +18437,8 @@ static inline spsi_v spsi_cell_way_through(const double extent[3], const spsi_v 
     return length;
 }
 
-/* Adds a cell's moments to the irradiance of a surface, from whose normal light comes: of light of degree 0, 1, 2 the
-   half of the sphere before a surface has the shares pi, 2 pi / 3 and pi / 4. Without degree 2, light of a mean cosine
-   f about one direction counts as an even cone, which has f (2 f - 1) of it: nothing if it fills half of the sphere. */
+/* Irradiance by a cell's moments; `harmonic`: against the normal. Degrees 0 to 2 weigh pi, 2 pi / 3, pi / 4. Without
+   degree 2, mean cosine f counts as a uniform cone, of degree 2 f (2 f - 1): 0 for a hemisphere. */
 static double spsi_cell_irradiance(const spsi_cell_grid *grid, const float *flux, const float harmonic[]) {
     static const double degree[3] = {SPSI_PI, 2 * SPSI_PI / 3, SPSI_PI / 4};
     double sum = 0, square = DBL_MIN, toward = 0, mean;
@@ -18486,8 +18452,7 @@ static double spsi_cell_irradiance(const spsi_cell_grid *grid, const float *flux
     return sum + 0.625 * SPSI_PI * (double)flux[0] * mean * spsi_dmax(2 * mean - 1, 0) * (toward * toward / square - 1);
 }
 
-/* Irradiance of a surface within the grid, half a cell off its polygon: interpolated between the cells that lie before
-   it. */
+/* Irradiance of a surface within the grid: interpolated between cells in front, half a cell off its polygon. */
 static double spsi_cells_irradiance_within(const spsi_cell_grid *grid, int channel, const double point[3],
                                            const double normal[3]) {
     const float *flux = grid->flux + (size_t)(channel * grid->flux_terms) * grid->count;
@@ -18516,7 +18481,7 @@ static double spsi_cells_irradiance_within(const spsi_cell_grid *grid, int chann
     return all > 0 ? sum / all : 0;
 }
 
-/* A surface that cells outside light, and what may be in the way. */
+/* A surface outside the grid, and its occluders. */
 typedef struct spsi_cell_visibility {
     const spsi_cell_grid *grid;
     const spsi_faces *faces;
@@ -18525,8 +18490,8 @@ typedef struct spsi_cell_visibility {
     int face;
 } spsi_cell_visibility;
 
-/* Bit mask of the sides of the grid that a surface is before, with polygons that may be between. What is above the
-   surface by the round-off of floats only is not, or the triangles of a flat floor would be between. */
+/* Bit mask of sides that face a surface, with possible occluders. Polygons above it only by round-off, like triangles
+   of a flat floor, are excluded. */
 static int spsi_cell_visibility_near(const spsi_cell_visibility *visibility) {
     const spsi_cell_grid *grid = visibility->grid;
     const double *point = visibility->surface->point, *start = visibility->surface->start;
@@ -18556,9 +18521,8 @@ static int spsi_cell_visibility_near(const spsi_cell_visibility *visibility) {
     return near_sides;
 }
 
-/* The way from a surface to where one of a patch's four rays ends: next to the centres of the outermost cells, between
-   which links tell what is in the way. Along either edge of a side, no two rays of the same number end at the same
-   place, nor do the four of a patch: the edge of a shadow that is parallel to it takes them one by one. */
+/* Rays end next to outermost cells' centres: links handle occlusion behind. Their ends are staggered, so that shadow
+   edges parallel to a side pass one by one. */
 static void spsi_cell_visibility_ray(const spsi_cell_visibility *visibility, int patch, int number, double toward[3]) {
     static const int reversed[SPSI_CELL_PATCHES] = {0, 4, 2, 6, 1, 5, 3, 7};
     const spsi_cell_grid *grid = visibility->grid;
@@ -18576,7 +18540,7 @@ static void spsi_cell_visibility_ray(const spsi_cell_visibility *visibility, int
     }
 }
 
-/* Traces one of the rays to each of a side's patches in a bit mask. Returns those that polygons stop. */
+/* Returns which patches of the mask are occluded. */
 static uint64_t spsi_cell_visibility_trace(const spsi_cell_visibility *visibility, int side, uint64_t patches,
                                            int number) {
     uint64_t hidden = 0;
@@ -18604,15 +18568,14 @@ static uint64_t spsi_cell_visibility_trace(const spsi_cell_visibility *visibilit
     return hidden;
 }
 
-/* Patches of a side and those next to them, as bit masks. */
+/* Dilates a bit mask by one patch. */
 static uint64_t spsi_cell_patches_about(uint64_t patches) {
-    const uint64_t first = (uint64_t)0x01010101 << 32 | 0x01010101; /* of each row */
+    const uint64_t first = (uint64_t)0x01010101 << 32 | 0x01010101; /* the first of each row */
     const uint64_t row = patches | (patches << 1 & ~first) | (patches & ~first) >> 1;
     return row | row << SPSI_CELL_PATCHES | row >> SPSI_CELL_PATCHES;
 }
 
-/* Sets how much of a side's patches the surface sees: one ray each, four where seen and hidden patches meet. Returns 1
-   if any is hidden. */
+/* Visible fraction of a side's patches: one ray each, four at shadow edges. Returns 1 if any is occluded. */
 static int spsi_cell_visibility_side(const spsi_cell_visibility *visibility, int side, float *open) {
     const uint64_t hidden = spsi_cell_visibility_trace(visibility, side, ~(uint64_t)0, 0), seen = ~hidden;
     const uint64_t edge = (spsi_cell_patches_about(hidden) & seen) | (spsi_cell_patches_about(seen) & hidden);
@@ -18626,9 +18589,8 @@ static int spsi_cell_visibility_side(const spsi_cell_visibility *visibility, int
     return hidden != 0;
 }
 
-/* Sets the share of each patch that a surface sees past opaque polygons. Returns 0 if it sees all of them. Without
-   polygons between a surface and the grid there are no rays. All surfaces have the same rays, so that shadows have fine
-   steps, not noise. */
+/* Visible fraction of patches. Returns 0 if all are visible. All surfaces use the same rays: shadows have fine steps,
+   not noise. */
 static int spsi_cells_visibility(const spsi_cell_visibility *visibility, float open[SPSI_CELL_SHEET]) {
     const int near_sides = spsi_cell_visibility_near(visibility);
     int hidden = 0;
@@ -18639,28 +18601,25 @@ static int spsi_cells_visibility(const spsi_cell_visibility *visibility, float o
     return hidden;
 }
 
-/* A side of the grid that lights a surface, in `count` channels. */
+/* A side that lights a surface. */
 typedef struct spsi_cell_sender {
     const spsi_cell_grid *grid;
-    const float *sent; /* by the first channel's patches */
+    const float *sent; /* the first channel's */
     int channel, count, axis, along[2];
     float thick[3];   /* per channel: the grid's mean extinction */
-    double extent[3]; /* of the grid */
+    double extent[3]; /* the grid's */
     spsi_v at[3], normal[3]; /* the surface's; `at`: from the grid's corner */
 } spsi_cell_sender;
 
-/* A sum of harmonics at a vector of patches. */
 static spsi_v spsi_cell_patches_sum(const float *terms, const spsi_v harmonic[SPSI_CELL_TERMS]) {
     spsi_v sum = spsi_load(terms);
     for (int i = 1; i < SPSI_CELL_TERMS; ++i) sum = spsi_fma(harmonic[i], spsi_load(terms + i * SPSI_CELL_SHEET), sum);
     return sum;
 }
 
-/* The phase function, over an even one, by which a set of patches sends along -`ahead`, from ways that begin at
-   `place`. A lamp's rays differ from place to place: the mean of two, weighted by what reaches them. Scaled extinction
-   leaves the peak's light twice: straight on, and in the lobe's innermost part, f (1 - g^2)^2 / (1 + g^2) times the
-   lobe of it: phase[1]. That part keeps only the mean of exp(-(1 / k - 1) t) on a way of scaled depth t. Lobes sharper
-   than g = 0.85 would show the parts of patches. */
+/* Phase function over isotropic. A nearby light's is the mean of two places, weighted by irradiance. Delta-M counts the
+   peak twice: straight on, and in the lobe's core, f (1 - g^2)^2 / (1 + g^2) times the lobe: phase[1]. The core keeps
+   the mean of exp(-(1 / k - 1) t) on a path of scaled depth t. Lobes sharper than g = 0.85 would reveal parts. */
 static void spsi_cell_patches_phase(const spsi_cell_grid *grid, const spsi_cell_light *light,
                                     const spsi_material *material, const spsi_v place[3], const spsi_v ahead[3],
                                     spsi_v through, spsi_v phase[2]) {
@@ -18689,11 +18648,9 @@ static void spsi_cell_patches_phase(const spsi_cell_grid *grid, const spsi_cell_
     for (int i = 0; i < 2; ++i) phase[i] = spsi_div(phase[i], all);
 }
 
-/* Adds the irradiance by a vector of patches, whose parts are `area` large. `way`: to their middles; `off`: of these,
-   from the patches'. They are discs: of all that it sees, a surface sees cosine cosine' area / (pi distance^2 + area
-   (3 u^2 - 2)) in one, to second order in its size, u being the cosine at the side; (3 u^2 - 2) grows to 1 where it is
-   near. Light comes from within the grid, not from its side: a part sends in the direction from the patch's middle to
-   SPSI_CELL_AIM of the way through the grid. Then what is bright within stays in its place. */
+/* Irradiance by patch parts, whose centres are `off` the patch's. Form factors of discs, to second order: cosine
+   cosine' area / (pi distance^2 + area (3 u^2 - 2)); u: cosine at the side. Nearby, (3 u^2 - 2) grows to 1. Light
+   originates at SPSI_CELL_AIM of its path, not on the side: bright regions stay in place. */
 static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *sent, const spsi_v way[3],
                                    const spsi_v off[2], spsi_v area, spsi_v sums[3]) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
@@ -18721,7 +18678,7 @@ static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *se
             spsi_cell_patches_phase(from->grid, &from->grid->lights[i / peaks], &from->grid->peaks[m], place, ahead,
                                     through, phase[i + m]);
     for (int c = 0; c < from->count; ++c, sent += (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET) {
-        const spsi_m takes = spsi_less(spsi_load(sent), zero); /* of ambient light */
+        const spsi_m takes = spsi_less(spsi_load(sent), zero); /* the medium takes ambient light */
         const spsi_v depth = spsi_mul(through, spsi_set(from->thick[c]));
         spsi_v sum = spsi_cell_patches_sum(sent + SPSI_CELL_SHEET, harmonic);
         sum = spsi_select(takes, spsi_min(sum, zero), spsi_max(sum, zero));
@@ -18735,16 +18692,15 @@ static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *se
     }
 }
 
-/* A surface that cells light. */
 typedef struct spsi_cell_receiver {
-    const double *point, *normal; /* normal: a unit vector */
-    const float *open;            /* fraction of each patch that is seen; NULL: all of them */
+    const double *point, *normal; /* unit vector */
+    const float *open;            /* visible fraction per patch; NULL: 1 */
 } spsi_cell_receiver;
 
-/* Irradiance of a surface outside, in `count` channels from one on. Returns the share that nothing hides. */
+/* Irradiance of a surface outside. Returns the visible fraction. */
 static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
                                             const spsi_cell_receiver *to, double irradiance[3]) {
-    const int most = grid->across * grid->across / (grid->light_count > 0 ? 4 : 8); /* parts along an edge of a patch */
+    const int most = grid->across * grid->across / (grid->light_count > 0 ? 4 : 8); /* maximum parts per edge */
     const spsi_v zero = spsi_set(0);
     spsi_v all[3] = {zero, zero, zero}, whole = zero;
     double seen = 0, sum;
@@ -18764,7 +18720,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
         beyond = outward * (at[axis] - end);
         if (!(beyond > 0)) continue;
         from.along[0] = axis == 0 ? 1 : 0, from.along[1] = axis == 2 ? 1 : 2;
-        for (int k = 0; k < 2; ++k) { /* how far the surface is beside the vector's patches */
+        for (int k = 0; k < 2; ++k) { /* distance along the side */
             const float *own = patch + from.along[k] * SPSI_CELL_SHEET, *width = patch + (4 + k) * SPSI_CELL_SHEET;
             const int last = k ? SPSI_LANES - 1 : spsi_imin(SPSI_LANES, grid->across) - 1;
             const double begin = (double)(own[0] - 0.5f * width[0]) - at[from.along[k]];
@@ -18772,7 +18728,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
             square += off > 0 ? off * off : 0;
             nearest = spsi_dmax(nearest, 0.18 * from.extent[from.along[k]] / most);
         }
-        for (int k = 0; k < 2; ++k) /* straight before the side, it counts as no nearer than parts are wide */
+        for (int k = 0; k < 2; ++k) /* at least a part's width in front of the side */
             nearest += spsi_dmin(spsi_dmin(at[from.along[k]], from.extent[from.along[k]] - at[from.along[k]]), 0);
         at[axis] = end + outward * spsi_dmax(beyond, nearest);
         square += (at[axis] - end) * (at[axis] - end);
@@ -18781,7 +18737,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
         spsi_set3(at, from.at);
         for (int k = 0; k < 3; ++k) middle[k] = spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET), from.at[k]);
         area = spsi_mul(area, spsi_set(1 / (float)(parts[0] * parts[1])));
-        for (int i = 0; i < parts[0] * parts[1]; ++i) { /* a patch may be all that a surface sees */
+        for (int i = 0; i < parts[0] * parts[1]; ++i) { /* a patch may fill the hemisphere */
             spsi_v way[3] = {middle[0], middle[1], middle[2]}, off[2];
             for (int k = 0; k < 2; ++k) {
                 const int part = k ? i / parts[0] : i % parts[0];
@@ -18797,11 +18753,10 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
         }
     }
     for (int c = 0; c < count; ++c) seen += irradiance[c] = spsi_total(all[c]);
-    sum = spsi_total(whole); /* where gas takes ambient light, both are below 0 */
+    sum = spsi_total(whole); /* both negative where the medium takes ambient light */
     return fabs(sum) > 0 ? spsi_dmax(0, spsi_dmin(seen / sum, 1)) : 1;
 }
 
-/* Distance of a place from a grid. */
 static double spsi_cells_distance(const spsi_cell_grid *grid, const double point[3]) {
     double square = 0;
     for (int k = 0; k < 3; ++k) {
@@ -18812,22 +18767,21 @@ static double spsi_cells_distance(const spsi_cell_grid *grid, const double point
     return sqrt(square);
 }
 
-/* The part of what a surface receives that patches send: within a sixth of a patch's width of the grid, moments in
-   cells send more and more of it. */
+/* Weight of patches against moments in cells: fades out within a sixth of a patch's width of the grid. */
 static double spsi_cells_outside(const spsi_cell_grid *grid, const double point[3]) {
     const int longest = spsi_imax(grid->size[0], spsi_imax(grid->size[1], grid->size[2]));
     return spsi_dmin(6 * SPSI_CELL_PATCHES * spsi_cells_distance(grid, point) / (grid->edge * longest), 1);
 }
 
-/* A lamp's number among the grid's lights, which it shares with all of its tables; their number: it is none. */
+/* Position in the grid's list, or light_count. A light's tables have one entry. */
 static int spsi_cells_light_of(const spsi_cell_grid *grid, int index) {
     int i = 0;
     while (i < grid->light_count && grid->lights[i].index != index) ++i;
     return i;
 }
 
-/* The scale of extinction on a light's way to a point of a surface, or to the eye (`point`: NULL). Outside all grids it
-   is 1 for what patches send by phase functions: peaks included. */
+/* Scale of extinction between a light and a surface, or the eye (`point`: NULL). Outside all grids, 1 for the patches'
+   phase functions, peaks included. */
 static double spsi_cells_scale_at(const spsi_cell_grid *grids, int count, int c, int index, const double *point) {
     const double scale = count > 0 ? (double)grids->scale[spsi_imin(c, grids->channels - 1)] : 1;
     const int light = count > 0 ? spsi_cells_light_of(grids, index) : 0;
@@ -18836,8 +18790,7 @@ static double spsi_cells_scale_at(const spsi_cell_grid *grids, int count, int c,
     return scale + (outside > 0 ? (1 - scale) * (double)grids->lights[light].weight * outside : 0);
 }
 
-/* Irradiance of a surface by what cells send, where there are polygons, in `count` channels from one on. What hides
-   some of the patches hides as much of the cells. */
+/* Irradiance by a grid. Occlusion of patches scales the cells' part, too. */
 static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, const spsi_cell_receiver *to,
                                   double irradiance[3]) {
     const double outside = spsi_cells_outside(grid, to->point);
@@ -18849,7 +18802,7 @@ static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int c
     }
 }
 
-/* Looks up what is seen of a material in one channel, at a vector of places in cells; linear between their centres. */
+/* Trilinear lookup of a material's radiance. */
 static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int channel, const spsi_v at[3]) {
     const float *seen = grid->seen + (size_t)(material * grid->channels + channel) * grid->count;
     const int rows = grid->size[1] * grid->size[2];

@@ -15294,22 +15294,20 @@ SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *
 }
 
 /* ============================================================================================ >>penumbrae
-   25 Gas between an extended light and its sheets' planes. The light is K points, whose rays share the sheets: gas is
-   splatted once, along the rays of the light's centre, and only optical depth is kept K times, in texels that travel
-   with each point's rays. Slabs are parallel, so a point's texel u and the centre's texel x meet on a plane where
-       x = (u + d L) / (1 + d_t L),    L linear in u
-   with d the offset from centre to point in the centre's texels. For a directional light L is the number of slabs so
-   far, d the shift per slab, and a row of texels has one fraction. Optical depth is never resampled, so no blur builds
-   up, and occluders one behind the other are right. Planes hold -log of the mean transmittance.
-       A_s(u) += sheet_k(x at k + 1/2),    V_k(x) = mean over s of exp(-A_s(u at k))
-   Polygons stop a point's rays where they are: layers between the planes hold the fraction of what gas passes that
-   they stop, since -log would be no measure of a mean between a plane with light and one without. Cost: 3 bicubic
-   lookups and an exponential per point, slab and texel that has gas, 7 where polygons stop some; 4 bytes per point
-   and texel, 8 with polygons, and 256 per texel for the layers. */
+   25 Penumbrae of media. An area light is K points. Media are splatted once, along the rays of its centre; each
+   point stores only optical depth, in texels of its own rays. That is never resampled: no blur accumulates, and
+   occluders in sequence are correct. Slabs are parallel, so a point's texel u meets the centre's x on a plane at
+         x = (u + d L) / (1 + d_t L),    L linear in u.
+   d is the offset from centre to point in texels. For directional lights, L counts slabs, and d is the shift per
+   slab. Planes store -log V:
+         A_s(u) += sheet_k(x at k + 1/2),    V_k(x) = mean over s of exp(-A_s(u at k)).
+   Layers between planes store the fraction of V that polygons stop: -log averages lit and dark planes badly. Cost: 3
+   bicubic lookups and an exponential per point, slab and occupied texel, 7 where polygons stop some. Memory: 4 bytes
+   per point and texel, 8 with polygons, and 256 per texel for layers. */
 
 /* A rectangle of texels. */
 typedef struct spsi_area {
-    int x0, y0, x1, y1; /* first and last */
+    int x0, y0, x1, y1; /* inclusive */
 } spsi_area;
 
 static spsi_area spsi_area_meet(spsi_area a, spsi_area b) {
@@ -15335,41 +15333,41 @@ static int spsi_area_empty(spsi_area a) { return a.x0 > a.x1 || a.y0 > a.y1; }
 
 #define SPSI_SLIDE_LEAST 0.1 /* minimum of 1 + d_t L where there is gas; elsewhere it is clamped */
 
-/* Texels on a plane as seen from another grid of rays: (x + d L) / (1 + d_t L), L = l . (1, x, y). */
+/* Maps texels on a plane between grids of rays, L = l . (1, x, y). */
 typedef struct spsi_slide {
     float l[3], d[3];
-    int even; /* 1: all texels move by the same */
+    int even; /* 1: all texels move equally */
 } spsi_slide;
 
-/* Light from one point: its rays, and how much gas they have crossed. */
+/* Rays of one point of the light, and the optical depth they have crossed. */
 typedef struct spsi_beam {
     spsi_rays rays;
-    int x0, y0;      /* the centre's texel at its texel (0, 0), on the first plane of a directional light */
+    int x0, y0;      /* the centre's texel at (0, 0), on the first plane if directional */
     double shift[3]; /* d */
     spsi_linear slab;
     float *depth;      /* optical depth so far, per texel */
-    float *stop;       /* slab coordinate of the first polygon; NULL: there are none */
-    spsi_area crossed; /* texels that may have crossed gas or polygons, as those of the centre */
+    float *stop;       /* slab coordinate of the first polygon; NULL: no polygons */
+    spsi_area crossed; /* possibly crossed media or polygons, in the centre's texels */
 } spsi_beam;
 
 typedef struct spsi_penumbra {
-    const spsi_rays *rays;   /* of the light's centre */
-    const spsi_slabs *slabs; /* of the sheets */
+    const spsi_rays *rays;   /* the centre's */
+    const spsi_slabs *slabs; /* the sheets' */
     int tiles_x, tiles_y;
-    float end; /* optical depth at which light is no longer followed */
+    float end; /* optical depth of early termination */
     spsi_beam *beams;
     int beam_count;
-    int first_slab; /* of the chunk that the sheets hold */
-    int pending;    /* 1: the beams have not yet crossed these sheets */
-    float *sheets;  /* mean extinction per slab, SPSI_CHUNK sheets of the rays' texels */
+    int first_slab; /* the sheets' chunk */
+    int pending;    /* 1: the beams have yet to cross these sheets */
+    float *sheets;  /* mean extinction per slab, per texel */
     float
-        *hidden; /* fraction of what gas passes that polygons stop, SPSI_SUBSLABS layers per slab; NULL: no polygons */
-    uint64_t *held; /* per tile, bits: patches whose sheets hold something */
+        *hidden; /* fraction of transmitted light stopped by polygons, per layer; NULL: no polygons */
+    uint64_t *held; /* per tile: bit mask of patches with occupied sheets */
     float *scratch; /* per worker */
     size_t scratch_floats;
 } spsi_penumbra;
 
-/* The same as spsi_bilinear for one point, but 0 beyond the grid. */
+/* 0 outside the grid. */
 static double spsi_bilinear_inside(const float *grid, int width, int height, double x, double y) {
     const float *quad, *next;
     double fx, fy, above;
@@ -15380,7 +15378,7 @@ static double spsi_bilinear_inside(const float *grid, int width, int height, dou
     return above + fy * ((double)next[0] + fx * ((double)next[1] - (double)next[0]) - above);
 }
 
-/* Weights of a cubic through four values, `t` of the way from the second to the third. [Catmull & Rom 1974] */
+/* Interpolates between the second and third of four values. [Catmull & Rom 1974] */
 static inline void spsi_cubic_weights(spsi_v t, spsi_v weights[4]) {
     const spsi_v one = spsi_set(1), u = spsi_sub(one, t), tt = spsi_mul(t, t), uu = spsi_mul(u, u);
     weights[0] = spsi_mul(spsi_mul(spsi_set(-0.5f), t), uu);
@@ -15389,7 +15387,7 @@ static inline void spsi_cubic_weights(spsi_v t, spsi_v weights[4]) {
     weights[3] = spsi_mul(spsi_mul(spsi_set(-0.5f), u), tt);
 }
 
-/* Texels of floats. Lookups within two texels of their border find 0: what is looked up is farther inside. */
+/* Lookups within two texels of the border return 0. */
 typedef struct spsi_texel_grid {
     const float *values;
     int x0, y0, width, height;
@@ -15402,7 +15400,7 @@ static void spsi_slide_at(const spsi_slide *slide, double x, double y, double at
     at[1] = (y + (double)slide->d[1] * l) * per;
 }
 
-/* From a beam's texels to the centre's on the plane at a slab coordinate (sign 1), or back (sign -1). */
+/* Maps a beam's texels to the centre's at a slab coordinate (sign 1), or back (sign -1). */
 static void spsi_slide_build(const spsi_penumbra *penumbra, const spsi_beam *beam, double slab, int sign,
                              spsi_slide *slide) {
     const spsi_rays *rays = penumbra->rays;
@@ -15419,8 +15417,7 @@ static void spsi_slide_build(const spsi_penumbra *penumbra, const spsi_beam *bea
     slide->even = !rays->perspective;
 }
 
-/* Bounds of a rectangle of texels on the planes from `low` to `high`, as texels of the other side, with two to spare.
- */
+/* Conservative bounds on planes `low` to `high`, with a margin of two texels. */
 static spsi_area spsi_slide_area(const spsi_penumbra *penumbra, const spsi_beam *beam, double low, double high,
                                  int sign, spsi_area area) {
     spsi_area out = spsi_area_none();
@@ -15429,29 +15426,27 @@ static spsi_area spsi_slide_area(const spsi_penumbra *penumbra, const spsi_beam 
         double at[2];
         spsi_slide_build(penumbra, beam, corner & 4 ? high : low, sign, &slide);
         spsi_slide_at(&slide, corner & 1 ? area.x1 : area.x0, corner & 2 ? area.y1 : area.y0, at);
-        for (int i = 0; i < 2; ++i) at[i] = spsi_dmin(spsi_dmax(at[i], -1e6), 1e6); /* far beyond any texel */
+        for (int i = 0; i < 2; ++i) at[i] = spsi_dmin(spsi_dmax(at[i], -1e6), 1e6); /* far outside */
         out.x0 = spsi_imin(out.x0, (int)floor(at[0]) - 2), out.x1 = spsi_imax(out.x1, (int)ceil(at[0]) + 2);
         out.y0 = spsi_imin(out.y0, (int)floor(at[1]) - 2), out.y1 = spsi_imax(out.y1, (int)ceil(at[1]) + 2);
     }
     return out;
 }
 
-/* --- a row of texels as another grid sees it --- */
+/* --- cubic lookup of a row of texels --- */
 
-/* Lookups are cubic: linear ones would blur every sheet by up to a quarter of a squared texel, half as much again as
-   its kernels. */
+/* Linear lookups would blur each sheet by up to a quarter of a squared texel, half as much again as its kernels. */
 
-#define SPSI_ROW_PART 64 /* texels of a row that are weighted at a time */
+#define SPSI_ROW_PART 64 /* texels filtered at a time */
 
-/* Texels x0 .. x0 + count - 1 of row y, to each of which `scale` times what it finds in a grid is added. */
+/* A row of texels to which scaled lookups are added. */
 typedef struct spsi_texel_row {
     int x0, y, count;
     const float *scale; /* per texel; NULL: 1 */
     float *out;         /* per texel */
 } spsi_texel_row;
 
-/* Adds what a row finds where all of it moves by the same: four rows of the grid are weighted once, then four
-   columns. */
+/* Uniform shift: filters rows, then columns. */
 static void spsi_row_add_even(const spsi_texel_grid *grid, const spsi_slide *slide, const spsi_texel_row *to) {
     const float move_x = slide->d[0] * slide->l[0], move_y = slide->d[1] * slide->l[0];
     const int row = to->y + (int)floorf(move_y) - grid->y0 - 1, column = to->x0 + (int)floorf(move_x) - grid->x0 - 1;
@@ -15481,7 +15476,6 @@ static void spsi_row_add_even(const spsi_texel_grid *grid, const spsi_slide *sli
     }
 }
 
-/* The cubic lookup of a vector of texels at any places; 0 where fewer than two texels are left to the border. */
 static spsi_v spsi_grid_gather(const spsi_texel_grid *grid, spsi_v u, spsi_v v, spsi_m inside) {
     const spsi_v x = spsi_select(inside, u, spsi_set(1)), y = spsi_select(inside, v, spsi_set(1));
     const spsi_v ix = spsi_floor(x), iy = spsi_floor(y);
@@ -15500,8 +15494,8 @@ static spsi_v spsi_grid_gather(const spsi_texel_grid *grid, spsi_v u, spsi_v v, 
     return spsi_select(inside, sum, spsi_set(0));
 }
 
-/* The same, where places differ by nearly one from lane to lane: then all lanes have the same texels, shifted by their
-   number, and only weights differ, which may reach a quarter of a texel beyond their four. */
+/* Lanes nearly one texel apart load the same texels, shifted by lane. Only weights differ, reaching a quarter of a
+   texel beyond the stencil. */
 static spsi_v spsi_grid_lookup(const spsi_texel_grid *grid, spsi_v u, spsi_v v) {
     const spsi_v one = spsi_set(1), half = spsi_set(0.5f), at = spsi_sub(u, spsi_iota());
     const spsi_m inside = spsi_and(spsi_and(spsi_less(one, u), spsi_less(u, spsi_set((float)(grid->width - 2)))),
@@ -15531,7 +15525,6 @@ static spsi_v spsi_grid_lookup(const spsi_texel_grid *grid, spsi_v u, spsi_v v) 
     return spsi_select(inside, sum, spsi_set(0));
 }
 
-/* As spsi_row_add_even, in general. */
 static void spsi_row_add(const spsi_texel_grid *grid, const spsi_slide *slide, const spsi_texel_row *to) {
     const spsi_v one = spsi_set(1), fixed = spsi_set(slide->l[0] + (float)to->y * slide->l[2]);
     const spsi_v least = spsi_set((float)SPSI_SLIDE_LEAST);
@@ -15553,9 +15546,8 @@ static void spsi_row_add(const spsi_texel_grid *grid, const spsi_slide *slide, c
     }
 }
 
-/* Minus the logarithm of a transmittance, which is clamped to e^-end, where `end` is SPSI_LIGHT_END or
-   SPSI_FORWARD_END, both powers of 2: with z = x^(1/end) >= e^-1 and t = (z - 1) / (z + 1), ln z = 2 (t + t^3 / 3 +
-   ..); after t^13, what is left times `end` is 2e-5 or 8e-5. Exactly 0 at 1. */
+/* -ln x up to `end`, a power of 2. With z = x^(1/end) >= 1/e and t = (z - 1) / (z + 1), ln z = 2 (t + t^3 / 3 + ..). Up
+   to t^13, this errs by 2e-5 at SPSI_LIGHT_END, 8e-5 at SPSI_FORWARD_END. Exactly 0 at 1. */
 static inline spsi_v spsi_minus_log(spsi_v x, float end) {
     const float least = end > SPSI_LIGHT_END ? 1.6038109e-28f : 1.1253517e-7f;
     spsi_v z = spsi_max(x, spsi_set(least)), t, square, sum = spsi_set(1.0f / 13);
@@ -15566,15 +15558,15 @@ static inline spsi_v spsi_minus_log(spsi_v x, float end) {
     return spsi_mul(spsi_mul(t, sum), spsi_set(2 * end));
 }
 
-/* --- setting it up --- */
+/* --- setup --- */
 
-/* Aims the rays of one point at the gas. They have the axes of the centre's; those of a directional light have the
-   centre's texels where the slabs begin. Returns 0 if gas is beside or behind the point, or too far away. */
+/* Rays have the centre's axes; directional ones match its texels where slabs begin. Returns 0 if media are beside or
+   behind the point, or too far away. */
 SPSI_COLD int spsi_beam_aim(const spsi_frame *frame, const spsi_sweep *sweep, const spsi_light *point,
                             spsi_beam *beam) {
     const spsi_rays *rays = &sweep->rays;
     const spsi_slabs *slabs = &sweep->slabs;
-    /* where the gas looks far wider from a point of the light than from its centre */
+    /* media may appear far wider than from the centre */
     const int most = 2 * spsi_imax(spsi_light_texels_most(frame), spsi_imax(rays->width, rays->height));
     double offset[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL}, *corner;
     beam->rays = *rays;
@@ -15615,7 +15607,7 @@ SPSI_COLD int spsi_beam_aim(const spsi_frame *frame, const spsi_sweep *sweep, co
     return 1;
 }
 
-/* Finds the slab coordinate at which polygons stop each of a beam's rays. `numbers` is scratch memory. */
+/* Slab coordinates at which polygons stop rays. `numbers`: scratch. */
 static void spsi_beam_stop(sps_context *context, const spsi_faces *faces, spsi_beam *beam, int *numbers) {
     const int width = beam->rays.width, height = beam->rays.height;
     spsi_area at;
@@ -15632,7 +15624,6 @@ static void spsi_beam_stop(sps_context *context, const spsi_faces *faces, spsi_b
         }
 }
 
-/* Prepares a sweep's beams, whose rays are not known yet. */
 static sps_result spsi_penumbra_open(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                      const spsi_rays *rays, spsi_penumbra *penumbra) {
     memset(penumbra, 0, sizeof *penumbra);
@@ -15647,7 +15638,6 @@ static sps_result spsi_penumbra_open(sps_context *context, const spsi_frame *fra
     return context->result;
 }
 
-/* Aims all beams of a sweep's light. */
 SPSI_COLD sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                        spsi_penumbra *penumbra) {
     const spsi_light *light = sweep->light;
@@ -15660,15 +15650,14 @@ SPSI_COLD sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* Lays out the patches' bits, the beams' texels, the sheets and the workers' scratch memory, or counts only. Returns
-   their floats. */
+/* Lays out arrays, or only counts their floats. */
 static uint64_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra *penumbra, int has_polygons,
                                       float *memory) {
     const uint64_t sheets = SPSI_CHUNK * (uint64_t)spsi_ray_count(penumbra->rays);
     const uint64_t tiles = (uint64_t)penumbra->tiles_x * (uint64_t)penumbra->tiles_y;
     uint64_t laid = 0;
     size_t most = 0;
-    /* first, as its alignment is the strictest */
+    /* first: strictest alignment */
     penumbra->held = (uint64_t *)(void *)spsi_lay(memory, &laid, 2 * tiles);
     for (int i = 0; i < penumbra->beam_count; ++i) {
         spsi_beam *beam = &penumbra->beams[i];
@@ -15701,7 +15690,7 @@ SPSI_COLD sps_result spsi_penumbra_begin(sps_context *context, const spsi_frame 
 
 /* --- from slab to slab --- */
 
-/* Keeps a tile's sheets, as mean extinction. */
+/* Stores a tile's sheets as mean extinction. */
 static void spsi_penumbra_keep(const spsi_penumbra *penumbra, const spsi_light_shader *shader, const spsi_tile *tile,
                                int index) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2, width = penumbra->rays->width;
@@ -15734,7 +15723,6 @@ static spsi_area spsi_tile_area(const spsi_penumbra *penumbra, int index) {
     return area;
 }
 
-/* Empties a tile's sheets. */
 static void spsi_penumbra_clear(const spsi_penumbra *penumbra, int index) {
     const spsi_area tile = spsi_tile_area(penumbra, index);
     const size_t texels = spsi_ray_count(penumbra->rays), width = (size_t)penumbra->rays->width;
@@ -15746,17 +15734,17 @@ static void spsi_penumbra_clear(const spsi_penumbra *penumbra, int index) {
                    (size_t)(tile.x1 - tile.x0 + 1) * sizeof(float));
 }
 
-/* A beam's texels as far as they reach a tile of the planes within a chunk. */
+/* A beam's texels that reach a tile of a chunk's planes. */
 typedef struct spsi_beam_part {
     const spsi_beam *beam;
     spsi_area area;
     int width, height;
-    float *depth;   /* optical depth so far */
-    float *stopped; /* share of light that polygons stop in a layer */
+    float *depth;
+    float *stopped; /* fraction of light that polygons stop in a layer */
     float *lengths; /* world length per slab */
-    spsi_area stops; /* texels in which polygons stop light before the chunk ends */
-    float *passes;  /* per texel of the tile: transmittance of gas at the last plane */
-    float *weight;  /* per texel of the tile: its mean over the last slab */
+    spsi_area stops; /* where polygons stop light within the chunk */
+    float *passes;  /* per texel of the tile: transmittance at the last plane */
+    float *weight;  /* likewise: its mean over the last slab */
 } spsi_beam_part;
 
 static spsi_area spsi_beam_area(const spsi_beam *beam) {
@@ -15764,7 +15752,7 @@ static spsi_area spsi_beam_area(const spsi_beam *beam) {
     return area;
 }
 
-/* Whether the sheets hold something in an area of the planes' texels. */
+/* True if sheets are occupied in the area. */
 static int spsi_penumbra_holds(const spsi_penumbra *penumbra, spsi_area area) {
     const int x0 = spsi_imax(area.x0, 0) / SPSI_TILE_WIDTH, y0 = spsi_imax(area.y0, 0) / SPSI_TILE_HEIGHT;
     const int x1 = spsi_imin(area.x1, penumbra->rays->width - 1), y1 = spsi_imin(area.y1, penumbra->rays->height - 1);
@@ -15778,12 +15766,11 @@ static int spsi_penumbra_holds(const spsi_penumbra *penumbra, spsi_area area) {
     return 0;
 }
 
-/* The part of a tile of the planes that gas can look up: patches with gas within two texels, as far as a cubic lookup
-   reaches. Elsewhere planes are not computed. */
+/* Planes are computed only within two texels of media, the reach of cubic lookups. */
 typedef struct spsi_lookups {
     spsi_area bounds;
     spsi_area rows[SPSI_TILE_HEIGHT / SPSI_PATCH]; /* per row of patches */
-    uint64_t layers;                               /* bit i: polygons hide some of the chunk's layer i */
+    uint64_t layers;                               /* bit i: polygons stop some light in the chunk's layer i */
 } spsi_lookups;
 
 static void spsi_lookups_find(const spsi_penumbra *penumbra, int index, spsi_lookups *lookups) {
@@ -15804,20 +15791,19 @@ static void spsi_lookups_find(const spsi_penumbra *penumbra, int index, spsi_loo
     }
 }
 
-/* World length per slab along a vector of a beam's rays. */
+/* World length per slab. */
 static spsi_v spsi_slab_lengths(const spsi_beam *beam, spsi_v x, float y) {
     const spsi_v slabs = spsi_abs(spsi_linear_slope(&beam->slab, x, y));
     return spsi_div(spsi_ray_lengths(&beam->rays, x, y), spsi_max(slabs, spsi_set(FLT_MIN * 16)));
 }
 
-/* The same along texels x0 .. x0 + count - 1 of a row; `lengths` has room for whole vectors. */
+/* `lengths` has room for whole vectors. */
 static void spsi_beam_lengths(const spsi_beam *beam, int x0, int y, int count, float *lengths) {
     for (int i = 0; i < count; i += SPSI_LANES)
         spsi_store(lengths + i, spsi_slab_lengths(beam, spsi_add(spsi_set((float)(x0 - beam->x0 + i)), spsi_iota()),
                                                   (float)(y - beam->y0)));
 }
 
-/* Adds sheet k, as a row of a beam's texels crosses it, to their optical depth. */
 static void spsi_beam_cross(const spsi_penumbra *penumbra, const spsi_slide *slide, int k, const spsi_texel_row *row) {
     const spsi_rays *rays = penumbra->rays;
     const spsi_texel_grid sheet = {penumbra->sheets + (size_t)k * spsi_ray_count(rays), 0, 0, rays->width,
@@ -15834,7 +15820,7 @@ static void spsi_beam_part_load(const spsi_beam *beam, spsi_area area, float *me
     const size_t texels = (size_t)part->width * (size_t)part->height;
     part->depth = memory;
     part->stopped = memory + texels;
-    part->passes = memory + 2 * texels; /* before the lengths, which are stored in whole vectors */
+    part->passes = memory + 2 * texels; /* before `lengths`, stored in whole vectors */
     part->weight = part->passes + SPSI_BEAM_TILE;
     part->lengths = part->weight + SPSI_BEAM_TILE;
     for (int y = 0; y < part->height; ++y) {
@@ -15845,8 +15831,7 @@ static void spsi_beam_part_load(const spsi_beam *beam, spsi_area area, float *me
     }
 }
 
-/* The fraction of each texel's light that polygons stop, as the mean over a layer of a slab. Returns bounds of the
-   texels where there is any. */
+/* Mean fraction of light that polygons stop in a layer. Returns bounds of nonzero texels. */
 static spsi_area spsi_beam_part_stop(const spsi_beam_part *part, float layer) {
     const spsi_beam *beam = part->beam;
     spsi_area any = spsi_area_none();
@@ -15864,13 +15849,12 @@ static spsi_area spsi_beam_part_stop(const spsi_beam_part *part, float layer) {
     return any;
 }
 
-/* What planes sum up is this, less what each beam lets pass. With 1, they sum up what is lost, which is exact where
-   that is little, but rounds off what is left behind a depth of 16; with 0, they reach as far as light that scatters
-   forward is followed. */
+/* Planes sum this minus transmittance. 1 is exact for small losses, but rounds off beyond a depth of 16; 0 reaches as
+   far as forward scattering. */
 static float spsi_penumbra_whole(const spsi_penumbra *penumbra) { return penumbra->end > SPSI_LIGHT_END ? 0.0f : 1.0f; }
 
-/* The transmittance of a beam at texels of a row of a plane: optical depth is looked up, since transmittance bends more
-   between texels. Adds it to the plane, and its mean with that at the plane before to the weights of the slab. */
+/* Adds transmittance to a plane, and its mean over the slab to weights. Optical depth, which bends less, is
+   interpolated. */
 static void spsi_beam_add_row(const spsi_penumbra *penumbra, const spsi_beam_part *part, const spsi_slide *slide,
                               const spsi_area *area, int y, float *plane) {
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), whole = spsi_set(spsi_penumbra_whole(penumbra));
@@ -15890,7 +15874,6 @@ static void spsi_beam_add_row(const spsi_penumbra *penumbra, const spsi_beam_par
     }
 }
 
-/* Adds what polygons stop of a beam to a row of a layer. */
 static void spsi_beam_hide_row(const spsi_beam_part *part, const spsi_slide *slide, const spsi_area *area, int y,
                                float *layer) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
@@ -15907,7 +15890,6 @@ static void spsi_beam_hide_row(const spsi_beam_part *part, const spsi_slide *sli
     }
 }
 
-/* Adds what polygons stop of a beam to the layers of slab k, whose weights are known. */
 static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam_part *part, spsi_lookups *lookups, int k) {
     const size_t texels = spsi_ray_count(penumbra->rays), pitch = (size_t)penumbra->rays->width;
     spsi_slide slide;
@@ -15915,7 +15897,7 @@ static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam_part *
         const double at = penumbra->first_slab + (n + 0.5) / SPSI_SUBSLABS;
         spsi_area any = spsi_beam_part_stop(part, (float)(SPSI_SUBSLABS * penumbra->first_slab + n));
         if (spsi_area_empty(any)) continue;
-        any.x0 -= 3, any.y0 -= 3, any.x1 += 3, any.y1 += 3; /* as far as cubics reach, and a texel */
+        any.x0 -= 3, any.y0 -= 3, any.x1 += 3, any.y1 += 3; /* reach of cubics, and a texel */
         any = spsi_area_meet(spsi_slide_area(penumbra, part->beam, at, at, 1, any), lookups->bounds);
         lookups->layers |= UINT64_C(1) << n;
         spsi_slide_build(penumbra, part->beam, at, -1, &slide);
@@ -15930,8 +15912,7 @@ static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam_part *
     }
 }
 
-/* Adds one beam to a tile of the planes of a chunk. Returns 0 if it passes all that is looked up there unhindered, and
-   was not added. */
+/* Returns 0, adding nothing, if the beam passes unhindered. */
 static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_lookups *lookups, float *memory,
                          float *const *planes) {
     const double first = penumbra->first_slab;
@@ -15965,16 +15946,16 @@ static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, s
     return 1;
 }
 
-/* Turns what `added` beams lose at a row's texels into the sum of what all pass. */
+/* Transmittance sum of all beams, given losses of `added` ones. */
 static spsi_v spsi_penumbra_sum(const spsi_penumbra *penumbra, int added, spsi_v lost) {
     const float all = (float)penumbra->beam_count, whole = spsi_penumbra_whole(penumbra);
     return spsi_sub(spsi_set(whole > 0 ? all : all - (float)added), lost);
 }
 
-/* Divides what polygons stop by what gas passes, in a row of a slab's layers, given the planes before and behind. */
+/* Divides stopped by transmitted light, given planes before and behind. */
 static void spsi_penumbra_hide_row(const spsi_penumbra *penumbra, int added, int count, const float *before,
                                    const float *behind, float *layer) {
-    const spsi_v least = spsi_set(penumbra->end > SPSI_LIGHT_END ? 1e-30f : 1e-7f); /* what the sums can tell from 0 */
+    const spsi_v least = spsi_set(penumbra->end > SPSI_LIGHT_END ? 1e-30f : 1e-7f); /* resolution of the sums */
     for (int x = 0; x < count; x += SPSI_LANES) {
         const int some = spsi_imin(SPSI_LANES, count - x);
         const spsi_v ends = spsi_add(spsi_penumbra_sum(penumbra, added, spsi_load_first(before + x, some)),
@@ -15984,7 +15965,7 @@ static void spsi_penumbra_hide_row(const spsi_penumbra *penumbra, int added, int
     }
 }
 
-/* Turns the sum over `added` of the beams into -log of the mean transmittance. */
+/* Turns sums into -log of the mean transmittance. */
 static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, int added, int count, float *plane) {
     const spsi_v share = spsi_set(1.0f / (float)penumbra->beam_count);
     for (int x = 0; x < count; x += SPSI_LANES) {
@@ -15994,7 +15975,6 @@ static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, int added, i
     }
 }
 
-/* Fills a tile of the planes of the current chunk, and of its layers, as far as gas can look it up. */
 static void spsi_penumbra_tile(const spsi_penumbra *penumbra, int index, int worker, float *const *planes) {
     const size_t pitch = (size_t)penumbra->rays->width, texels = spsi_ray_count(penumbra->rays);
     float *memory = penumbra->scratch + (size_t)worker * penumbra->scratch_floats;
@@ -16024,11 +16004,10 @@ static void spsi_penumbra_tile(const spsi_penumbra *penumbra, int index, int wor
     }
 }
 
-/* --- the beams' own way --- */
+/* --- along the beams --- */
 
-#define SPSI_BEAM_BLOCK 32 /* texels on a side of a block, which crosses sheets as a whole or not at all */
+#define SPSI_BEAM_BLOCK 32 /* texels per side, which cross sheets together */
 
-/* Lets a block of a beam's texels cross the chunk's sheets. */
 static void spsi_beam_block(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area block) {
     const double first = penumbra->first_slab;
     spsi_slide slides[SPSI_CHUNK];
@@ -16043,7 +16022,6 @@ static void spsi_beam_block(const spsi_penumbra *penumbra, const spsi_beam *beam
     }
 }
 
-/* A row of blocks of one beam. */
 static void spsi_beam_task(void *data, int index) {
     const spsi_penumbra *penumbra = (const spsi_penumbra *)data;
     const spsi_beam *beam = &penumbra->beams[index % penumbra->beam_count];
@@ -16055,10 +16033,10 @@ static void spsi_beam_task(void *data, int index) {
     }
 }
 
-/* Lets the beams cross the sheets that are kept, if they have not yet. */
+/* Lets beams cross the stored sheets, once. */
 SPSI_COLD void spsi_penumbra_cross(sps_context *context, spsi_penumbra *penumbra) {
     const double first = penumbra->first_slab;
-    spsi_area held = spsi_area_none(); /* texels of the tiles whose sheets hold something */
+    spsi_area held = spsi_area_none(); /* occupied tiles */
     int most = 0;                      /* rows of the tallest beam */
     if (!penumbra->pending) return;
     penumbra->pending = 0;
@@ -16074,7 +16052,7 @@ SPSI_COLD void spsi_penumbra_cross(sps_context *context, spsi_penumbra *penumbra
     }
 }
 
-/* Whether a ray of a beam, given by its texel, may meet gas in the kept sheets up to a slab coordinate. */
+/* True if the ray may meet media in stored sheets up to `slab`. */
 static int spsi_beam_meets(const spsi_penumbra *penumbra, const spsi_beam *beam, const double texel[2], double slab) {
     spsi_area area = spsi_area_none();
     for (int end = 0; end < 2; ++end) {
@@ -16091,7 +16069,7 @@ static int spsi_beam_meets(const spsi_penumbra *penumbra, const spsi_beam *beam,
     return spsi_penumbra_holds(penumbra, area);
 }
 
-/* Optical depth of gas in front of a point on one beam: what the beam has crossed, and the kept sheets up to there. */
+/* Optical depth in front of a point, including stored sheets. */
 static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam *beam, const double point[3]) {
     const double first = penumbra->first_slab;
     const double slab = spsi_dmin(spsi_slab_at(penumbra->slabs, point), first + SPSI_CHUNK);

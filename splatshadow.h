@@ -16092,59 +16092,51 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
 }
 
 /* ============================================================================================ >>spreading
-   26 Light that scatters forward spreads sideways on its way through a light's sheets. What a sheet of optical depth t,
-   of which s scatters, passes on of light of flux F is F exp(s - t): turning, it stays in the beam. Of that, light U
-   comes straight from the source, U exp(-t) leaves straight, and the rest joins the light that has scattered, whose
-   flux, mean squared sine A of the angle to the ray, mean product B of that and displacement, and optical depth passed
-   so far go along. With h = (1 - P[2]) / 2, and x from 0 to s through a sheet of thickness D,
-     dA / dx = 2 h (2/3 - A),   dB / dx = A D / s - h B,   dC / dx = 2 B D / s,
-   and light is convolved with a kernel of the variance by which C, that of the displacement, grows: for small angles,
-   C = q s D^2 / 3, q = 4 h / 3 being an event's mean squared sine [Eyges 1948]. A becomes 2/3, that of light in all
-   directions; directions are forgotten by a factor P[1] an event, 1 - h for Henyey and Greenstein's lobes of g = 1.
-   One Gaussian has no peak and no tail. Of a lobe, a part is its peak, a Gaussian too: light that has only scattered
-   within peaks is a beam of its own, which the same equations carry, with the peaks' share of s and their h. The rest
-   is all light less that, in moments too, so that the sum keeps the moments above.
-   What turns back is taken off where light is kept: by two streams, 1 / (1 + Q) goes on, Q = 3/4 of (1 - P[1]) s. That
-   lies between gas without sides, which lets up to a quarter more pass, and gas as wide as deep.
-   Displacements are in texels, which in a cone of rays grow with the distance, so that angles against rays shrink by
-   the ratio of texels r. Kernels are made of steps of 1, 2, 4 .. texels to either side, by a share w <= 1/2 of light:
-   w k^2 is their variance, at any width, also below a texel; light is moved, not weighed anew, so that none is lost.
-   Sheets spread along columns and rows in turn. Where texels differ in solid angle, more is moved to one side than to
-   the other, so that what is even remains so. Unlike the published scheme, whose blur per sheet is fixed, that is the
-   same for any number of sheets; half of a halo lies within a radius that is 3 to 14 % more than random walks'. Cost: a
-   pass over each sheet per octave of its kernel's width. [Zhang & Crawfis, section 3] */
+   26 Forward scattering spreads light from sheet to sheet [Zhang & Crawfis, section 3]. A sheet of optical depth t,
+   its part s scattering, passes exp(s - t) of the flux. Direct light keeps exp(-t); the rest joins scattered light.
+   A is that light's mean squared sine to the ray, B the mean product of sine and displacement, C the displacement's
+   variance. With h = (1 - P[2]) / 2, and x from 0 to s through thickness D:
+     dA/dx = 2 h (2/3 - A),   dB/dx = A D / s - h B,   dC/dx = 2 B D / s.
+   Light is convolved with a Gaussian by the growth of C. For small angles, C = 4/9 h s D^2 [Eyges 1948]; isotropic
+   light has A = 2/3. B decays by h = 1 - P[1], as for Henyey-Greenstein lobes near g = 1.
+   A Gaussian lacks peak and tail: light scattered only within lobes' peaks is a separate beam. The rest is the total
+   less that beam, which preserves moments.
+   Backscattering scales stored light by two streams, 1 / (1 + Q), Q = 3/4 (1 - P[1]) s. Unbounded media pass up to a
+   quarter more, media as wide as deep less.
+   Displacements are in texels, whose growth in a cone shrinks angles. Kernels move a fraction w <= 1/2 of light by k
+   = 1, 2, 4 .. texels to either side, of variance w k^2. This conserves energy at any width. Sheets alternate
+   between columns and rows.
+   Results are independent of the number of sheets. Half of a halo lies within 3 to 14 % more radius than random
+   walks'. Cost: a pass per sheet and octave of kernel width. */
 
-#define SPSI_SPREAD_STEP 64 /* most texels of a step to the side */
-/* The least optical depth that light is taken to have passed: below, differences of X would be all round-off. */
+#define SPSI_SPREAD_STEP 64 /* maximum texels of a step */
+/* Optical depth that light has passed at least: below, differences of X are round-off. */
 #define SPSI_SPREAD_NEAR 0.02f
-/* A lobe of Henyey and Greenstein's is a peak, by this share, of a mean squared sine of SHARP (1 - g)^2, and a rest. */
+/* A Henyey-Greenstein lobe is a peak of this weight, of mean squared sine SHARP (1 - g)^2, and a rest. */
 #define SPSI_SPREAD_PEAK  0.75f
 #define SPSI_SPREAD_SHARP 2.0f
-/* How much longer light's way is than a sheet is thick, per part of light that has turned back and forth. */
+/* Extra path length over thickness, per part of light turned back and forth. */
 #define SPSI_SPREAD_DETOUR 0.3f
-/* The variance, in squares of texels, below which light waits for later sheets. */
+/* Squared texels below which light waits for later sheets. */
 #define SPSI_SPREAD_WAITS 0.25f
 
-/* What a light has spread, at the planes between its sheets. */
 typedef struct spsi_spread {
     const spsi_light *light;
-    sps_tmap map; /* its rays and their range; it holds nothing */
+    sps_tmap map; /* rays and their range; no data */
     int channels, sheet_count;
-    int pitch;    /* texels per row, rounded up to whole vectors */
-    size_t plane; /* floats of a plane: the rows of all faces */
-    float *onward; /* per channel and plane: irradiance by light that has scattered, without the light's color and
-                      falloff */
-    float *flux;   /* the same as gas receives it, spsi_spread_keep */
-    float *way;    /* that times the optical depth that it has passed */
+    int pitch;    /* texels per row, in whole vectors */
+    size_t plane; /* floats of a plane: rows of all faces */
+    float *onward; /* per channel and plane: irradiance by scattered light, without color and falloff */
+    float *flux;   /* received by media, spsi_spread_keep */
+    float *way;    /* `flux` times optical depth passed */
 } spsi_spread;
 
-/* Those of all lights that cast shadows. */
 typedef struct spsi_spreads {
     spsi_spread *list;
     int count;
 } spsi_spreads;
 
-/* Thickness of a sheet in units of t. */
+/* Unit: t. */
 static double spsi_spread_thickness(const spsi_spread *spread) {
     return (spread->map.settings.far_depth - spread->map.settings.near_depth) / spread->sheet_count;
 }
@@ -16155,8 +16147,7 @@ SPSI_COLD size_t spsi_spread_floats(const spsi_spread *spread) {
 
 /* --- from sheet to sheet --- */
 
-/* What is carried, per texel, times the flux: angle and slant are A and B; widths the variance by which light has yet
-   to spread at a plane. */
+/* State, times flux: angle and slant are A and B; widths are variance yet to spread. */
 typedef enum spsi_spread_part {
     SPSI_SPREAD_WAY,
     SPSI_SPREAD_FLUX,
@@ -16167,46 +16158,45 @@ typedef enum spsi_spread_part {
     SPSI_SPREAD_PARTS
 } spsi_spread_part;
 
-/* Light that has only scattered within peaks of phase functions, and the rest. */
+/* Light scattered only within peaks, and the rest. */
 typedef enum spsi_spread_beam { SPSI_SPREAD_NARROW, SPSI_SPREAD_WIDE, SPSI_SPREAD_BEAMS } spsi_spread_beam;
 
-/* Light of one channel at a plane of one face, by rows, and, while it spreads along them, by columns. Parts are times
-   the texel's solid angle, relative to that of the middle one. */
+/* A channel at a plane of one face, by rows and columns. Parts are times the relative solid angle. */
 typedef struct spsi_spread_light {
-    int size[2], pitch[2]; /* of columns and rows: how many, and rounded up to whole vectors */
+    int size[2], pitch[2]; /* columns and rows; in whole vectors */
     float *part[SPSI_SPREAD_BEAMS][2][SPSI_SPREAD_PARTS];
-    float *depth;      /* from the light, straight */
-    float *scattered;  /* of that depth, what scatters */
-    float *back;       /* of that, what turns back */
-    float *solid;      /* angles of texels */
-    float *stretch[2]; /* of variance along x, and along y, by the rays' slant */
-    float *tilt[2];    /* along columns, and along rows: what is moved down rather than up, per texel of a step */
-    float *memory;     /* for columns of a vector, see spsi_spread_along */
-    int mirrored;      /* 1: what leaves by a side comes in there, since other faces adjoin */
+    float *depth;      /* straight from the light */
+    float *scattered;  /* its scattering part */
+    float *back;       /* Q so far */
+    float *solid;      /* relative solid angles */
+    float *stretch[2]; /* variance along x and y, by slant */
+    float *tilt[2];    /* along columns and rows: excess moved down, per texel */
+    float *memory;     /* scratch, spsi_spread_along */
+    int mirrored;      /* 1: outflow returns at its side, since other faces adjoin */
 } spsi_spread_light;
 
-/* A sheet that light crosses, per texel. */
+/* A sheet, per texel. */
 typedef struct spsi_spread_sheet {
     const float *depth;     /* optical depth */
-    const float *scattered; /* the share of it that scatters */
-    const float *turned;    /* that times 1 - P[2] */
-    const float *back;      /* that times 1 - P[1] */
-    const float *source;    /* irradiance at the sheet without gas */
-    const float *open;      /* what polygons let pass of light that has scattered */
-    const float *reach;     /* thickness along the ray, in texels where it ends */
-    float growth;           /* size of a texel where it begins, by that where it ends */
-    int sides;              /* light spreads along columns, bit 0, and rows, bit 1; otherwise in a later sheet */
-    int is_last;            /* 1: light waits for none */
+    const float *scattered; /* its scattering part */
+    const float *turned;    /* scattered (1 - P[2]) */
+    const float *back;      /* scattered (1 - P[1]) */
+    const float *source;    /* irradiance without media */
+    const float *open;      /* fraction of scattered light past polygons */
+    const float *reach;     /* thickness along the ray, in texels at its end */
+    float growth;           /* texel size at its begin over its end */
+    int sides;              /* columns (bit 0) and rows (bit 1) spread now */
+    int is_last;            /* 1: no light waits */
 } spsi_spread_sheet;
 
-/* What a unit of light gains in a sheet of 2 h s = `turned`: from what A and B were, and from events, per 2/3. */
+/* Gains of light in a sheet of 2 h s = `turned`. */
 typedef struct spsi_spread_gains {
     spsi_v keeps, mean; /* exp(-h s), and its mean over the sheet */
-    spsi_v fresh[3];    /* of A, B and C, by events, of which B and C are per unit of reach and its square */
+    spsi_v fresh[3];    /* A, B, C by events, over 2/3; B per reach, C per squared reach */
 } spsi_spread_gains;
 
-/* C gains 2 (1 - 2 m + m2) / b with b = h s and the means m and m2 of exp(-b) and exp(-2 b); their series up to b 1/2.
-   In a cone of rays, what begins midway has a shorter way to go: A and B are integrals over where. */
+/* C gains 2 (1 - 2 m + m2) / b. b is h s; m and m2 are means of exp(-b) and exp(-2 b). Up to b = 1/2, a series. In a
+   cone, A and B integrate over the place of events. */
 static void spsi_spread_gain(spsi_v turned, float growth, spsi_spread_gains *gains) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), b = spsi_mul(turned, spsi_set(0.5f));
     const spsi_v wide = spsi_max(b, spsi_set(0.5f));
@@ -16226,17 +16216,17 @@ static void spsi_spread_gain(spsi_v turned, float growth, spsi_spread_gains *gai
     gains->fresh[2] = spsi_mul(spsi_set(2), spsi_select(spsi_less(b, spsi_set(0.5f)), series, exact));
 }
 
-/* What a vector of texels of a sheet makes of light. */
+/* Crossing of a sheet. */
 typedef struct spsi_spread_crossing {
-    spsi_v straight;      /* light that has come straight */
-    spsi_v stays, passes; /* share of it that arrives behind the sheet, straight or scattered; of light before it */
-    spsi_v joins;         /* light that scatters in the sheet */
+    spsi_v straight;      /* direct light */
+    spsi_v stays, passes; /* transmitted fractions of direct and scattered light */
+    spsi_v joins;         /* direct light that scatters here */
     spsi_v turned;        /* 2 h s */
     spsi_v reach, stretch[2];
     float growth;
 } spsi_spread_crossing;
 
-/* Flux, angle, slant and width behind a sheet, of light that had `part` before it. */
+/* State behind a sheet. */
 static void spsi_spread_behind(const spsi_spread_crossing *crossing, spsi_v part[SPSI_SPREAD_PARTS]) {
     const spsi_v growth = spsi_set(crossing->growth), reach = crossing->reach, two_thirds = spsi_set(2.0f / 3);
     const spsi_v old = spsi_mul(part[SPSI_SPREAD_FLUX], crossing->passes);
@@ -16247,7 +16237,7 @@ static void spsi_spread_behind(const spsi_spread_crossing *crossing, spsi_v part
     spsi_spread_gain(crossing->turned, crossing->growth, &gains);
     spsi_v width = spsi_fma(fresh, gains.fresh[2], spsi_mul(angle, spsi_mul(gains.mean, gains.mean)));
     width = spsi_fma(spsi_mul(spsi_set(2), slant), gains.mean, spsi_mul(width, reach));
-    width = spsi_mul(spsi_mul(width, reach), spsi_set(0.5f)); /* x and y share it */
+    width = spsi_mul(spsi_mul(width, reach), spsi_set(0.5f)); /* half for each of x and y */
     spsi_v more = spsi_mul(spsi_mul(angle, gains.mean), reach);
     more = spsi_mul(spsi_mul(spsi_add(slant, more), gains.keeps), growth);
     part[SPSI_SPREAD_FLUX] = spsi_add(old, crossing->joins);
@@ -16260,8 +16250,7 @@ static void spsi_spread_behind(const spsi_spread_crossing *crossing, spsi_v part
     }
 }
 
-/* Share of what scatters that does so within the peak of its phase function, and that times the peak's 1 - P[2]. A
-   mixture of one lobe and what is even has P[l] = w g^l. */
+/* Scattering within peaks, and (`sharp`) times their 1 - P[2]. One lobe plus isotropic has P[l] = w g^l. */
 static spsi_v spsi_spread_peak(spsi_v scattered, spsi_v turned, spsi_v back, spsi_v *sharp) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), some = spsi_max(scattered, spsi_set(FLT_MIN));
     const spsi_v p1 = spsi_max(spsi_sub(one, spsi_div(back, some)), zero);
@@ -16274,7 +16263,6 @@ static spsi_v spsi_spread_peak(spsi_v scattered, spsi_v turned, spsi_v back, sps
     return peak;
 }
 
-/* Carries a vector of texels through a sheet: `x`, the first one's column, `y` its row. */
 static void spsi_spread_cross(const spsi_spread_light *light, const spsi_spread_sheet *sheet, int x, int y) {
     const size_t at = (size_t)y * (size_t)light->pitch[0] + (size_t)x;
     const spsi_v zero = spsi_set(0), one = spsi_set(1), open = spsi_load(sheet->open + at);
@@ -16288,7 +16276,7 @@ static void spsi_spread_cross(const spsi_spread_light *light, const spsi_spread_
     spsi_spread_crossing all, narrow;
     way = spsi_add(spsi_load(light->part[SPSI_SPREAD_NARROW][0][SPSI_SPREAD_FLUX] + at),
                    spsi_load(light->part[SPSI_SPREAD_WIDE][0][SPSI_SPREAD_FLUX] + at));
-    if (!spsi_bits(spsi_less(zero, spsi_add(depth, way)))) return; /* neither light nor gas */
+    if (!spsi_bits(spsi_less(zero, spsi_add(depth, way)))) return; /* neither light nor medium */
     peak = spsi_spread_peak(scattered, turned, isotropic, &sharp);
     all.straight = spsi_mul(source, spsi_exp(spsi_sub(zero, before)));
     all.stays = spsi_exp(spsi_sub(scattered, depth));
@@ -16326,22 +16314,22 @@ static void spsi_spread_cross(const spsi_spread_light *light, const spsi_spread_
     spsi_store(light->back + at, back_behind);
 }
 
-/* The variance that steps shorter than k can spread: half of each one's square. */
+/* Variance that steps shorter than k can spread: half of each square. */
 static float spsi_spread_capacity(int k) { return (float)(((double)k * k - 1) / 6); }
 
-/* A column of vectors: what its light still has to spread, the share that is moved, and memory for what moves. */
+/* A column of vectors. */
 typedef struct spsi_spread_column {
     const spsi_spread_light *light;
-    int side;      /* of the light: 0 or 1 */
-    float **part;  /* of one of its beams */
-    int from, way; /* the first part to move, and what that light still has to spread */
-    float least;   /* the variance that is worth it */
+    int side;
+    float **part;  /* a beam's */
+    int from, way; /* first part to move; width */
+    float least;   /* minimum variance to spread */
     size_t first, pitch;
     int lines;
-    float *share, *moved[2]; /* up and down */
+    float *share, *moved[2]; /* moved fraction; moved up and down */
 } spsi_spread_column;
 
-/* Moves the share to both sides, k texels far, a little more of it to one of them. */
+/* Moves light by k texels to both sides, tilted to one. */
 static void spsi_spread_move(const spsi_spread_column *column, float *part, int k) {
     const ptrdiff_t step = (ptrdiff_t)k * SPSI_LANES, end = (ptrdiff_t)column->lines * SPSI_LANES;
     const float *tilt = column->light->tilt[column->side] + column->first;
@@ -16357,7 +16345,7 @@ static void spsi_spread_move(const spsi_spread_column *column, float *part, int 
         spsi_store(down + at, spsi_add(moved, more));
         spsi_store(part + own, spsi_sub(spsi_load(part + own), spsi_add(moved, moved)));
     }
-    for (ptrdiff_t at = 0; at < step; at += SPSI_LANES) { /* what leaves up comes in going down */
+    for (ptrdiff_t at = 0; at < step; at += SPSI_LANES) { /* upward outflow returns downward */
         const int mirrored = column->light->mirrored;
         spsi_store(down - SPSI_LANES - at, mirrored ? spsi_load(up + at) : spsi_set(0));
         spsi_store(up + end + at, mirrored ? spsi_load(down + end - SPSI_LANES - at) : spsi_set(0));
@@ -16369,7 +16357,7 @@ static void spsi_spread_move(const spsi_spread_column *column, float *part, int 
     }
 }
 
-/* Spreads a column by its width; that goes along and dwindles. What is wider than steps can be is cut off. */
+/* Spreads a column by its width. Excess over the largest steps is cut off. */
 static void spsi_spread_column_by(const spsi_spread_column *column) {
     float *const *part = column->part;
     float *widths = part[column->way];
@@ -16401,7 +16389,7 @@ static void spsi_spread_column_by(const spsi_spread_column *column) {
     }
 }
 
-/* Spreads light along its columns: those of side 1 are rows. */
+/* Side 1: rows. */
 static void spsi_spread_along(const spsi_spread_light *light, int side, float **part, int from, float least) {
     const int lines = light->size[!side], way = side ? SPSI_SPREAD_WIDTH_X : SPSI_SPREAD_WIDTH_Y;
     const size_t pitch = (size_t)light->pitch[side];
@@ -16411,7 +16399,7 @@ static void spsi_spread_along(const spsi_spread_light *light, int side, float **
     for (; column.first < pitch; column.first += SPSI_LANES) spsi_spread_column_by(&column);
 }
 
-/* Turns columns into rows, or rows into columns. */
+/* Transposes. */
 static void spsi_spread_turn(const spsi_spread_light *light, int side, const float *part, float *turned) {
     const size_t from = (size_t)light->pitch[side], to = (size_t)light->pitch[!side];
     const int lines = light->size[!side], block = 16; /* a cache line */
@@ -16421,7 +16409,6 @@ static void spsi_spread_turn(const spsi_spread_light *light, int side, const flo
                 turned[(size_t)x * to + (size_t)y] = part[(size_t)y * from + (size_t)x];
 }
 
-/* Carries light through a sheet. */
 static void spsi_spread_step(const spsi_spread_light *light, const spsi_spread_sheet *sheet) {
     for (int y = 0; y < light->size[1]; ++y)
         for (int x = 0; x < light->pitch[0]; x += SPSI_LANES) spsi_spread_cross(light, sheet, x, y);
@@ -16438,7 +16425,6 @@ static void spsi_spread_step(const spsi_spread_light *light, const spsi_spread_s
     }
 }
 
-/* Floats of a light: parts of both sides, depth, what texels are like, and memory for a column. */
 SPSI_COLD size_t spsi_spread_light_floats(const spsi_spread_light *light) {
     const size_t sheet = (size_t)light->pitch[0] * (size_t)light->pitch[1];
     const size_t lines = (size_t)spsi_imax(light->size[0], light->size[1]);
@@ -16446,12 +16432,10 @@ SPSI_COLD size_t spsi_spread_light_floats(const spsi_spread_light *light) {
            (3 * lines + 4 * SPSI_SPREAD_STEP) * SPSI_LANES;
 }
 
-/* Sets what texels are like. In a cone of rays whose slopes are x and y, with q = 1 + x^2 + y^2, a texel's solid angle
-   W is q^-3/2 of the middle one's, and a step under one angle is longer along x by (1 + x^2)^1/2. Light that is even
-   stays so if what texels send each other is alike: if the tilt is half the derivative of ln(W v), v being the
-   variance, q (1
-   + x^2) times q^0 to q^1/2 for the way through a sheet that is longer at a slant. Light about a lamp in even gas is
-   then even to 5 %, with 48 texels across each face. */
+/* In a cone of slopes x and y, relative solid angle is W = q^-3/2, q = 1 + x^2 + y^2. Angles span (1 + x^2)^1/2 more
+   along x. Uniform light stays uniform if the tilt is half the derivative of ln(W v). The variance v is q (1 + x^2),
+   times q^0 to q^1/2 for slanted paths. A point light in a uniform medium is then uniform to 5 %, with 48 texels across
+   each face. */
 SPSI_COLD void spsi_spread_texels(spsi_spread_light *light, const spsi_rays *rays) {
     double normal[3];
     memcpy(normal, rays->inverse[2], sizeof normal);
@@ -16498,13 +16482,13 @@ SPSI_COLD void spsi_spread_light_begin(spsi_spread_light *light, const spsi_rays
 
 /* --- lookup --- */
 
-/* Where a vector of points lies among a light's texels and planes. */
+/* Neighbourhood of a vector of points. */
 typedef struct spsi_spread_place {
     spsi_tmap_quads quads;
-    spsi_v row[2], weight[2]; /* of the planes before and behind: their first rows, and shares */
+    spsi_v row[2], weight[2]; /* planes before and behind: first rows, and weights */
 } spsi_spread_place;
 
-/* Finds points, given in the coordinates that spsi_tmap_lookup expects. */
+/* `at`: see spsi_tmap_lookup. */
 static void spsi_spread_find(const spsi_spread *spread, const spsi_v at[3], spsi_spread_place *place) {
     const spsi_v last = spsi_set((float)(spread->sheet_count - 1)),
                  rows = spsi_set((float)(spread->plane / (size_t)spread->pitch));
@@ -16517,7 +16501,7 @@ static void spsi_spread_find(const spsi_spread *spread, const spsi_v at[3], spsi
     place->row[1] = spsi_add(place->row[0], rows);
 }
 
-/* These coordinates of one point, or of one a sheet before it. */
+/* Coordinates one sheet in front of a point. */
 static void spsi_spread_coordinates(const spsi_spread *spread, const double point[3], spsi_v at[3]) {
     const spsi_rays *rays = &spread->map.rays[0];
     const double sheet = spsi_spread_thickness(spread);
@@ -16531,7 +16515,7 @@ static void spsi_spread_coordinates(const spsi_spread *spread, const double poin
     if (spread->map.face_count == 1) at[2] = spsi_set((float)(t - sheet - rays->depth_reference));
 }
 
-/* Flux or way there, of which `values` are a channel's. */
+/* Trilinear lookup of a channel. */
 static spsi_v spsi_spread_lookup(const spsi_spread *spread, const float *values, const spsi_spread_place *place) {
     const spsi_tmap_quads *quads = &place->quads;
     spsi_v sum = spsi_set(0);
@@ -16543,7 +16527,7 @@ static spsi_v spsi_spread_lookup(const spsi_spread *spread, const float *values,
     return sum;
 }
 
-/* Flux of a channel at a vector of points, and the mean optical depth that it has passed. */
+/* Flux, and mean optical depth passed. */
 static spsi_v spsi_spread_flux(const spsi_spread *spread, int channel, const spsi_spread_place *place, spsi_v *depth) {
     const size_t first = (size_t)channel * (size_t)(spread->sheet_count + 1) * spread->plane;
     const spsi_v flux = spsi_spread_lookup(spread, spread->flux + first, place);

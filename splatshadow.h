@@ -16537,30 +16537,28 @@ static spsi_v spsi_spread_flux(const spsi_spread *spread, int channel, const sps
 }
 
 /* ============================================================================================== >>shadows
-   27 Shadows of a lamp on gas and surfaces. Gas shades by sheets, which are filled chunk by chunk as the eye's are and
-   hold the optical depth towards the lamp at the planes between slabs: plane k holds the optical depth in front of slab
-   k. Or gas shades by a transmittance map. A shadow begins with a sweep. It advances by a chunk: its sheets are filled,
-   and light propagates from slab to slab, tile by tile, since hard light never leaves its ray. It can be looked up
-   anywhere in the current chunk. Polygons shade gas by a depth map and each other by rays; a point behind an opaque one
-   is dark, whatever the planes hold there. Penumbrae are followed beam by beam, >>penumbrae. Cost: 68 bytes per texel
-   of the planes. */
+   27 Shadows on media and surfaces. Media shade by sheets, filled chunk by chunk, or by a transmittance map. Plane k
+   holds the optical depth between the light and slab k. Each chunk fills sheets and propagates light from slab to
+   slab, tile by tile, since hard light never leaves its ray. Lookups work anywhere in the current chunk. Polygons
+   shade media by a depth map and each other by rays; behind an opaque one, points are dark, whatever the planes.
+   Penumbrae are propagated beam by beam, >>penumbrae. Cost: 68 bytes per texel of the planes. */
 
 typedef struct spsi_planes {
     float *depth[SPSI_CHUNK + 1]; /* width * height each */
-    int wide;                     /* 1: too large for a cache: what lookups need is fetched ahead */
+    int wide;                     /* 1: too large for caches: lookups prefetch */
     int width, height, tiles_x, tiles_y;
-    float end;             /* optical depth at which light is no longer followed */
-    int cubic;             /* 1: bicubic lookup, for classified volumes, whose depth bends within a voxel */
-    uint64_t *open;        /* per tile: a bit for each patch that light still passes */
-    unsigned char *uneven; /* per tile: 1: its planes differ and must be levelled before the next chunk */
-    spsi_task_order turns; /* of tiles */
+    float end;             /* optical depth of early termination */
+    int cubic;             /* 1: bicubic lookup, for classified volumes */
+    uint64_t *open;        /* per tile: bit mask of patches that light still passes */
+    unsigned char *uneven; /* per tile; 1: planes differ, to be levelled before the next chunk */
+    spsi_task_order turns; /* order of tiles */
 } spsi_planes;
 
 #define SPSI_PLANES_TEXEL_BYTES ((SPSI_CHUNK + 1) * sizeof(float))
 
-/* Bicubic lookup, clamped to the range of the four nearest values so that nothing overshoots. The optical depth of
-   classified volumes bends within a voxel: bilinear interpolation would lie above the bend everywhere, and darken
-   surfaces by 3 % with one texel per voxel. The grid is at least 4 x 4; the lookup is clamped to its inner cells. */
+/* Bicubic lookup, clamped to the four nearest values. Optical depth of classified volumes bends within a voxel:
+   bilinear lookups overestimate it, and darken surfaces by 3 % with one texel per voxel. The grid is at least 4 x 4;
+   lookups are clamped to inner cells. */
 static inline spsi_v spsi_bicubic(const float *grid, int width, int height, spsi_v x, spsi_v y) {
     const spsi_v cx = spsi_clamp(x, spsi_set(1), spsi_set((float)(width - 2)));
     const spsi_v cy = spsi_clamp(y, spsi_set(1), spsi_set((float)(height - 2)));
@@ -16583,8 +16581,7 @@ static inline spsi_v spsi_bicubic(const float *grid, int width, int height, spsi
     return spsi_clamp(sum, low, high);
 }
 
-/* Accumulates a tile's sheets from plane to plane. Each row of a plane is far from the last one, in memory that no
-   cache holds. */
+/* Accumulates a tile's sheets from plane to plane. Rows are far apart in uncached memory, so they are prefetched. */
 static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *shader, const spsi_tile *tile) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2, rows_ahead = 2;
     for (int y = tile->y0; y <= tile->y1; ++y)
@@ -16607,7 +16604,7 @@ static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *
         }
 }
 
-/* Sets all planes of a tile to the optical depth so far, if the last chunk changed it. */
+/* Sets all planes of a tile to the optical depth so far. */
 static void spsi_planes_level(void *data, int tile) {
     spsi_planes *planes = (spsi_planes *)data;
     const int x0 = tile % planes->tiles_x * SPSI_TILE_WIDTH, y0 = tile / planes->tiles_x * SPSI_TILE_HEIGHT;
@@ -16621,18 +16618,18 @@ static void spsi_planes_level(void *data, int tile) {
         }
 }
 
-/* The shadow of a lamp that has slabs of its own. */
+/* Shadow of a light with slabs of its own. */
 typedef struct spsi_sliced {
     const spsi_contents *contents;
     spsi_target target;
     spsi_light_shader shader;
     spsi_planes planes;
-    int is_soft; /* 1: light propagates by `penumbra` */
+    int is_soft; /* 1: propagates by `penumbra` */
     spsi_penumbra penumbra;
 } spsi_sliced;
 
 typedef enum spsi_shadow_kind {
-    SPSI_SHADOW_NONE, /* no gas casts it */
+    SPSI_SHADOW_NONE, /* no media cast it */
     SPSI_SHADOW_SHEETS,
     SPSI_SHADOW_MAP
 } spsi_shadow_kind;
@@ -16642,12 +16639,12 @@ typedef struct spsi_shadow {
     spsi_shadow_kind kind;
     const spsi_sliced *sliced; /* with sheets */
     const sps_tmap *tmap;      /* with a map */
-    int soft;                  /* 1: its sheets hold polygons' shadows too */
-    const float *lit;          /* per pixel of the image: spsi_visibility */
-    const unsigned char *open; /* per pixel and point of the light, if it is soft: likewise */
+    int soft;                  /* 1: sheets include polygons' shadows */
+    const float *lit;          /* per pixel: spsi_visibility */
+    const unsigned char *open; /* per pixel and point of an area light: likewise */
     spsi_linear along[3];      /* arguments of spsi_shadow_lookup along the eye's rays */
     spsi_depth_map depth_map;
-    spsi_translucency_map *translucency_maps; /* of the light's points */
+    spsi_translucency_map *translucency_maps; /* one per point of a soft light, or one */
     int translucency_map_count;               /* 0: no translucent polygons */
     const spsi_spread *spread;   /* NULL: light keeps to its rays */
     spsi_linear spread_along[3]; /* arguments of spsi_spread_find along the eye's rays */
@@ -16661,7 +16658,7 @@ SPSI_COLD sps_result spsi_planes_build(sps_context *context, const spsi_frame *f
     planes->tiles_x = spsi_tile_columns(rays);
     planes->tiles_y = spsi_tile_rows(rays);
     const size_t tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
-    /* a tile's bits, turn and flag take less than one more texel */
+    /* bits, turns and flags of tiles take less than one more texel */
     planes->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_PLANES, texels + tiles, SPSI_PLANES_TEXEL_BYTES);
     if (!planes->open) return context->result;
     float *memory = (float *)(void *)(planes->open + tiles);
@@ -16692,7 +16689,6 @@ SPSI_COLD sps_result spsi_sliced_begin(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* Fills the sheets of one tile and propagates light through them. */
 static void spsi_sliced_task(void *data, int index, int worker) {
     spsi_sliced *sliced = (spsi_sliced *)data;
     spsi_planes *planes = &sliced->planes;
@@ -16715,7 +16711,6 @@ static void spsi_sliced_task(void *data, int index, int worker) {
     spsi_tile_count(&sliced->target, &tile, worker);
 }
 
-/* Fills the sheets of one tile and keeps them. */
 static void spsi_soft_sheets_task(void *data, int index, int worker) {
     spsi_sliced *sliced = (spsi_sliced *)data;
     const int column = index % sliced->planes.tiles_x, row = index / sliced->planes.tiles_x;
@@ -16734,8 +16729,7 @@ static void spsi_soft_planes_task(void *data, int index, int worker) {
     spsi_penumbra_tile(&sliced->penumbra, index, worker, sliced->planes.depth);
 }
 
-/* Advances to the contents' current chunk. Hard light propagates tile by tile, since it never leaves its ray; a
-   penumbra needs all sheets of the chunk. */
+/* Advances to the contents' current chunk. Penumbrae need all its sheets first. */
 SPSI_COLD void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
     const double start = spsi_clock(context);
     const int tiles = sliced->planes.tiles_x * sliced->planes.tiles_y;
@@ -16755,7 +16749,7 @@ SPSI_COLD void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
 
 /* --- lookup --- */
 
-/* The coordinates that spsi_quads_build expects, along the eye's rays. */
+/* Arguments of spsi_quads_build along the eye's rays. */
 SPSI_COLD void spsi_tmap_follow(const spsi_rays *eye, const sps_tmap *map, spsi_linear along[3]) {
     const spsi_rays *rays = &map->rays[0];
     for (int i = 0; i < 3; ++i) {
@@ -16766,7 +16760,6 @@ SPSI_COLD void spsi_tmap_follow(const spsi_rays *eye, const sps_tmap *map, spsi_
     }
 }
 
-/* Prepares lookups along the eye's rays. */
 SPSI_COLD void spsi_shadow_aim(const spsi_rays *eye, spsi_shadow *shadow) {
     spsi_depth_map_follow(eye, &shadow->depth_map);
     for (int i = 0; i < shadow->translucency_map_count; ++i)
@@ -16779,7 +16772,7 @@ SPSI_COLD void spsi_shadow_aim(const spsi_rays *eye, spsi_shadow *shadow) {
     }
 }
 
-/* Columns and rows of the texels of a light's planes. */
+/* Columns and rows in a light's planes. */
 static inline void spsi_sliced_project(const spsi_sliced *sliced, const spsi_v at[3], spsi_v q[2]) {
     q[0] = at[0];
     q[1] = at[1];
@@ -16790,7 +16783,7 @@ static inline void spsi_sliced_project(const spsi_sliced *sliced, const spsi_v a
     }
 }
 
-/* Optical depth between the lamp and a vector of points, given by the coordinates of `along`, on plane k. */
+/* Optical depth in front of a vector of points, on plane k. */
 static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], int k) {
     spsi_v q[2];
     if (shadow->kind == SPSI_SHADOW_NONE) return spsi_set(0);
@@ -16801,8 +16794,7 @@ static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], 
     return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
 }
 
-/* Bilinear lookup in grids as large as planes that follow each other, each lane in the one of its number: mostly all in
-   the same. */
+/* Bilinear lookup in consecutive grids, one per lane: mostly the same. */
 static spsi_v spsi_planes_find(const spsi_planes *planes, const float *grids, spsi_v number, const spsi_v q[2]) {
     const size_t texels = (size_t)planes->width * (size_t)planes->height;
     spsi_v found = spsi_set(0);
@@ -16818,7 +16810,7 @@ static spsi_v spsi_planes_find(const spsi_planes *planes, const float *grids, sp
     return found;
 }
 
-/* What polygons hide of a penumbra at such points, given the number of their layer. */
+/* Fraction of a penumbra that polygons hide in a layer. */
 static spsi_v spsi_sliced_hidden(const spsi_sliced *sliced, const spsi_v at[3], spsi_v layer) {
     const spsi_v k = spsi_floor(spsi_clamp(layer, spsi_set(0), spsi_set(SPSI_SUBSLABS * SPSI_CHUNK - 1)));
     spsi_v q[2];
@@ -16826,7 +16818,7 @@ static spsi_v spsi_sliced_hidden(const spsi_sliced *sliced, const spsi_v at[3], 
     return spsi_planes_find(&sliced->planes, sliced->penumbra.hidden, k, q);
 }
 
-/* Indices of the texels in which such points lie, or of some nearby where floats cannot tell. */
+/* Texels of points, or neighbours within float precision. */
 static inline void spsi_sliced_texels(const spsi_sliced *sliced, const spsi_v at[3], int texels[SPSI_LANES]) {
     const spsi_planes *planes = &sliced->planes;
     spsi_v q[2];
@@ -16836,8 +16828,8 @@ static inline void spsi_sliced_texels(const spsi_sliced *sliced, const spsi_v at
     spsi_store_int(texels, spsi_fma(q[1], spsi_set((float)planes->width), q[0]));
 }
 
-/* Optical depth at places of a slab coordinate within the chunk, linear between the planes. Mostly all lie in one slab;
-   where the eye sees no gas, polygons of a whole chunk are shaded at once, and slabs take their turns. */
+/* Optical depth at slab coordinates within the chunk, linear between planes. Mostly all are in one slab; where the eye
+   sees no media, polygons of a whole chunk are shaded together. */
 static spsi_v spsi_planes_lookup(const spsi_planes *planes, const spsi_v q[2], spsi_v slab) {
     const spsi_v k = spsi_min(spsi_floor(slab), spsi_set(SPSI_CHUNK - 1));
     const spsi_v before = spsi_planes_find(planes, planes->depth[0], k, q);
@@ -16845,14 +16837,14 @@ static spsi_v spsi_planes_lookup(const spsi_planes *planes, const spsi_v q[2], s
     return spsi_mix(before, after, spsi_sub(slab, k));
 }
 
-/* Optical depth between the lamp and a vector of points on polygons. What is behind the lamp has none. */
+/* Optical depth in front of points on polygons; 0 behind the light. */
 static void spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, const spsi_points *points, float *depths) {
     static const double zero[3] = {0, 0, 0};
     const spsi_rays *rays = sliced->target.rays;
     const spsi_slabs *slabs = sliced->target.slabs;
     const double start = slabs->start + first_slab * slabs->thickness;
     const int parallel = !rays->perspective;
-    double q[4][SPSI_LANES]; /* column, row, whether it is in front of the lamp, and slab */
+    double q[4][SPSI_LANES]; /* column, row, 1 in front of the light, slab */
     float at[4][SPSI_LANES];
     spsi_v texel[2];
     for (int i = 0; i < 4; ++i) {
@@ -16874,12 +16866,10 @@ static void spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, cons
     spsi_store(depths, spsi_mul(spsi_load(at[2]), spsi_planes_lookup(&sliced->planes, texel, spsi_load(at[3]))));
 }
 
-/* One of the points. */
 static void spsi_points_get(const spsi_points *points, int n, double point[3]) {
     for (int i = 0; i < 3; ++i) point[i] = points->at[i][n];
 }
 
-/* The same from a map. */
 static void spsi_mapped_surfaces(const sps_tmap *map, const spsi_points *points, float *depths) {
     double packed[3 * SPSI_LANES], lit[SPSI_LANES];
     float found[SPSI_LANES];
@@ -16890,8 +16880,7 @@ static void spsi_mapped_surfaces(const sps_tmap *map, const spsi_points *points,
     for (int n = SPSI_LANES - 1; n >= 0; --n) depths[n] = points->lanes >> n & 1 ? found[--count] : 0;
 }
 
-/* Optical depth between the lamp and a vector of points on polygons, in or next to the chunk that begins with
-   `first_slab`. */
+/* Optical depth in front of points on polygons, in or next to the chunk at `first_slab`. */
 static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, const spsi_points *points, float *depths) {
     memset(depths, 0, SPSI_LANES * sizeof *depths);
     if (shadow->kind == SPSI_SHADOW_MAP)
@@ -16900,10 +16889,10 @@ static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, cons
         spsi_sliced_surfaces(shadow->sliced, first_slab, points, depths);
 }
 
-/* --- the choice between sheets and a table --- */
+/* --- sheets or tables --- */
 
-/* Whether a light's table has entries as fine as the texels of its sheets in a large picture, along the light too: as a
-   small one is enlarged, the choice stays. */
+/* True if a light's table is as fine as its sheets in a large image, along the light too. So the choice is independent
+   of image size. */
 SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, const spsi_light *light) {
     sps_tmap map;
     const double *near_depth = &map.settings.near_depth, *far_depth = &map.settings.far_depth;
@@ -16918,9 +16907,9 @@ SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, 
            map.settings.components;
 }
 
-/* Upper bound of the bytes that a frame may need without tables, by the figures at the top of this file, had all voxels
-   to be kept: a table that is not needed must not be what exceeds the memory limit. It does not depend on what the
-   context holds, nor on the region, so that the same scene always looks the same. */
+/* Upper bound of a frame's bytes without tables, by the figures at the top of this file, with all voxels stored. A
+   table is optional and must not exceed the memory limit. The context's caches and the region have no influence, so
+   that a scene always renders alike. */
 SPSI_COLD double spsi_bytes_without_tables(const sps_context *context, const spsi_frame *frame,
                                            const spsi_sweep *sheets) {
     const double pixels = (double)(frame->eye.width + SPSI_TILE_WIDTH) * (frame->eye.height + SPSI_TILE_HEIGHT);
@@ -16934,7 +16923,7 @@ SPSI_COLD double spsi_bytes_without_tables(const sps_context *context, const sps
     return bytes + (triangles > 0 ? lights * (18 * map * map + 4 * pixels) : 0);
 }
 
-/* Makes a light shade gas by a table (1), or by sheets (0). */
+/* Makes a light shade media by a table (1) or by sheets (0). */
 SPSI_COLD void spsi_light_take(spsi_light *light, int table, spsi_choice choice) {
     light->has_map = table;
     light->sliced = !table;
@@ -16942,7 +16931,7 @@ SPSI_COLD void spsi_light_take(spsi_light *light, int table, spsi_choice choice)
     light->tables = 0;
 }
 
-/* Whether slabs that serve a light and the eye also serve the rays of all its points. */
+/* True if slabs for a light and the eye also serve rays of all its points. */
 static int spsi_beams_serve(const spsi_frame *frame, spsi_sweep *sweep) {
     spsi_beam beam;
     int i = 0;
@@ -16951,15 +16940,14 @@ static int spsi_beams_serve(const spsi_frame *frame, spsi_sweep *sweep) {
     return i == sweep->light->point_count;
 }
 
-/* Number of tables that an area light's points share. */
+/* Tables for an area light's points. */
 static int spsi_light_tables(const spsi_light *light) {
     const int count = light->point_count;
     return count < 32 ? spsi_imin(count, 5) : count < 64 ? 8 : SPSI_TABLES_MOST;
 }
 
-/* Sets the number of tables that a light's points share, as far as `room` bytes hold them. One is
-   enough where penumbrae are narrower than half a texel; where that cannot be known before reading, they count as
-   wider. */
+/* Sets the number of tables of a light, within `room` bytes. One suffices for penumbrae below half a texel; unknown
+   widths count as wider. */
 static void spsi_light_fraction(const sps_context *context, const spsi_frame *frame, double *room, spsi_light *light) {
     const int known = frame->meshes.triangle_count == 0 && frame->particles.set_count == 0;
     spsi_rays rays[SPSI_CUBE_FACES];
@@ -16978,7 +16966,7 @@ static void spsi_light_fraction(const sps_context *context, const spsi_frame *fr
     if (light->tables > 1) *room -= sum;
 }
 
-/* A table for a light that no slabs serve, or several, which the points of an area light share. */
+/* A light that no slabs serve gets a table, an area light several. */
 SPSI_COLD void spsi_choose_for_unserved(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                         double *room, spsi_light *light) {
     const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_EVEN;
@@ -16989,9 +16977,9 @@ SPSI_COLD void spsi_choose_for_unserved(const sps_context *context, const spsi_f
     if (light->tables > 1) light->choice = SPSI_CHOICE_TABLES;
 }
 
-/* Chooses between sheets and a table for a light for which the caller has not. `others`: 1 if an earlier light has
-   sheets; `room`: bytes that tables may take, less those that they take already. `plain`: the gas, by which a table's
-   detail is judged, or shadows would jump where a level fades in. */
+/* Chooses sheets or a table for a light with a free choice. `others`: 1 if an earlier light has sheets; `room`: bytes
+   left for tables; `plain`: media's bounds, which judge a table's detail. Otherwise shadows would jump where a level
+   fades in. */
 SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *frame, const spsi_bounds *plain,
                                      int others, double *room, spsi_light *light) {
     const spsi_bounds all = frame->content->bounds;
@@ -17000,7 +16988,7 @@ SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *fra
     spsi_sweep_clear(frame, light, 0, &sweep);
     light->choice = SPSI_CHOICE_SHEETS;
     int serves = spsi_sweep_aim(frame, &sweep) && (!sweep.soft || spsi_beams_serve(frame, &sweep));
-    if (spsi_eye_is_wide(frame) && !others && !light->extent.exists) /* parts of the image serve better */
+    if (spsi_eye_is_wide(frame) && !others && !light->extent.exists) /* dividing the image serves better */
         serves &= sweep.cosine_of_eye >= SPSI_COSINE_EVEN;
     if (!serves) {
         spsi_choose_for_unserved(context, frame, &sweep, room, light);
@@ -17019,17 +17007,16 @@ SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *fra
         spsi_light_take(light, 0, SPSI_CHOICE_SHEETS);
 }
 
-/* The square of how far two lights are apart: in place, or in direction. */
+/* Squared distance in place, or in direction. */
 static double spsi_lights_apart(const spsi_light *a, const spsi_light *b) {
     double offset[3];
     spsi_along(a->is_point ? a->position : a->direction, b->is_point ? b->position : b->direction, -1, offset);
     return spsi_dot(offset, offset);
 }
 
-/* Splits an area light into lights that have a table each: a point goes to the nearest of as many even places. A table
-   is made from the mean of its points. These means move away from the light's centre until their variance is that of
-   all points: then what gas passes is right up to the third order of the light's size. Returns the number of lights:
-   a place that is nearest to no point has none. */
+/* Splits an area light into lights with a table each, at the mean of the points nearest to it. Means move away from the
+   light's centre until their variance is that of all points: transmittance is then right to third order in the light's
+   size. Returns the number of lights: places without points get none. */
 static int spsi_light_split(const spsi_light *light, spsi_light *parts, spsi_light *points) {
     const double *centre = light->is_point ? light->position : light->direction;
     double variance = 0, kept = 0;
@@ -17046,7 +17033,7 @@ static int spsi_light_split(const spsi_light *light, spsi_light *parts, spsi_lig
         spsi_light *part = &parts[count];
         double sum[3] = {0, 0, 0};
         *part = *light;
-        part->points = part->few = points; /* the light may be as close as gas gets */
+        part->points = part->few = points; /* media may be close: needs all points */
         for (int i = 0; i < light->point_count; ++i) {
             if (nearest[i] != n) continue;
             *points++ = light->points[i];
@@ -17068,7 +17055,7 @@ static int spsi_light_split(const spsi_light *light, spsi_light *parts, spsi_lig
     return count;
 }
 
-/* Lists lights as they are, except for those whose points share tables: as several. */
+/* Lists lights, split if they have several tables. */
 static void spsi_lights_split(spsi_lights *lights) {
     spsi_light *list = lights->whole + lights->whole_count, *points = lights->split_points;
     int count = 0;
@@ -17086,9 +17073,8 @@ static void spsi_lights_split(spsi_lights *lights) {
     spsi_lights_list(lights, count > lights->whole_count ? list : lights->whole, count);
 }
 
-/* Chooses how gas is shaded by each light that leaves it open, and how the image is cut, from the volumes' boxes and
-   from the particles, if they have been read. So, without particles, the choice is the same before reading and after.
- */
+/* Chooses how lights shade media, and how the image is divided, from the volumes' boxes and known particles. Without
+   particles, the choice is the same before and after reading. */
 SPSI_COLD void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
     spsi_content *content = frame->content;
     const spsi_bounds tight = content->bounds;
@@ -17120,8 +17106,7 @@ SPSI_COLD void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
 
 /* --- maps of a sweep's shadows --- */
 
-/* Builds the depth maps by which polygons shade gas, whose texels need not be finer than `texel`. Surfaces do not use
-   them. */
+/* Depth maps by which polygons shade media; texels need not be finer than `texel`. Surfaces do not use them. */
 SPSI_COLD sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                            double texel, spsi_shadow *shadows, int count) {
     uint64_t floats = 0;
@@ -17146,8 +17131,7 @@ SPSI_COLD sps_result spsi_depth_maps_build(sps_context *context, const spsi_fram
     return SPS_OK;
 }
 
-/* Lays out the pane maps of a sweep's lights: one for each point of a light that is soft, which share the texels of
-   one. */
+/* One translucency map per point of a soft light; together they have the texels of one. */
 SPSI_COLD sps_result spsi_translucency_maps_lay_out(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows,
                                                     int count, spsi_translucency_map *maps) {
     size_t floats = 0;
@@ -17170,7 +17154,7 @@ SPSI_COLD sps_result spsi_translucency_maps_lay_out(sps_context *context, const 
     return context->result;
 }
 
-/* Counts the panes of all maps, and lists them. */
+/* Counts translucent planes of all maps, and lists them. */
 SPSI_COLD sps_result spsi_translucency_maps_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                                  spsi_translucency_map *maps, size_t map_count) {
     size_t sum = 0, most = 0;
@@ -17194,7 +17178,7 @@ SPSI_COLD sps_result spsi_translucency_maps_fill(sps_context *context, const sps
     return SPS_OK;
 }
 
-/* Builds the maps by which translucent polygons filter the light of gas. */
+/* Maps by which translucent polygons filter the light of media. */
 SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const spsi_frame *frame,
                                                   const spsi_faces *faces, spsi_shadow *shadows, int count) {
     size_t map_count = 0;
@@ -17214,7 +17198,7 @@ SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const sp
     return spsi_translucency_maps_fill(context, frame, faces, maps, map_count);
 }
 
-/* Moves a light's own map, if the light in the cells has needed it already. Returns 0 if it has not. */
+/* Moves a light's own map if cells made it already. Returns 0 if not. */
 SPSI_COLD int spsi_light_tmap_take(sps_context *context, const spsi_light *light, sps_tmap *map) {
     sps_tmap *maps = (sps_tmap *)context->buffers[SPSI_BUFFER_CELL_TMAPS].data;
     for (int i = 0; i < context->cell_tmap_count; ++i) {
@@ -17228,8 +17212,7 @@ SPSI_COLD int spsi_light_tmap_take(sps_context *context, const spsi_light *light
     return 0;
 }
 
-/* Builds the transmittance maps of a sweep's lamps, and leaves the rest of the call's part to the sweep. Even after a
-   failure, spsi_shadow_maps_release frees them. */
+/* Leaves the rest of the call's progress to the sweep. spsi_shadow_maps_release frees maps even after a failure. */
 SPSI_COLD sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows,
                                             int count, spsi_call_stage *sweep) {
     spsi_call_stage part = {sweep->progress, SPSI_PROGRESS_TMAP * sweep->share};
@@ -17252,7 +17235,7 @@ SPSI_COLD sps_result spsi_shadow_maps_build(sps_context *context, const spsi_fra
             return context->result;
         ++next;
     }
-    spsi_tmaps_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count); /* what no light has taken */
+    spsi_tmaps_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count); /* not taken by any light */
     if (!spsi_reserve(context, SPSI_BUFFER_SHADOW_TABLES, (size_t)mapped, sizeof *maps)) return context->result;
     next = maps;
     for (int i = 0; i < count; ++i) {
@@ -17277,30 +17260,29 @@ SPSI_COLD void spsi_shadow_maps_release(sps_context *context, const spsi_shadow 
 }
 
 /* =========================================================================================== >>scattering
-   28 Light that scatters forward more than once. Let it reach a point through optical depth a, turn there by the angle
-   whose cosine is c, and leave through optical depth b; t = a + b. Besides p(c) exp(-t), what scatters once, the point
-   sends X(t, c), provided that events elsewhere turn light so little that it stays on this way. Their number k is
-   Poisson distributed with mean t, and each multiplies the Legendre moments of light's directions by albedo w and the
-   phase function's moment P[l]. Any of the k + 1 events may be taken for the point's own, so that points together would
-   count a path k + 1 times; divided by that,
-     X = sum of (2 l + 1) / (4 pi) P_l(c) d[l](t),   d[l] = P[l] exp(-t) r(w P[l] t),   r(x) = (exp(x) - 1) / x - 1
-   Light that has lost its direction leaves by the sides: d[0] is divided by 1 + 0.06 (1 + c)^2 (1 - P[1]) t, a fit to
-   random paths in clouds, unless light is followed there, >>spreading >>cells. X is cut off where p exp(-t) + X would
-   be negative. Tables are over u = t / (t + 4) and s, the angle being pi s^2. X falls as 1 / t or 1 / t^2, far slower
-   than what scatters once, so that lights, rays and X itself end at a depth of 64; from the last node before that, at
-   41, X is linear in u down to 0. What that leaves out: at 64, X is 0.0013 at most for asymmetries up to 0.95, and
-   0.0086 for 0.99, where p is 0.08 if isotropic; against a light of irradiance 1, a layer that deep would show a
-   radiance t X of 0.02 for 0.8, and of 0.55 for 0.99. Cost: ln 100 / ln(1 / g) terms per entry of a table, and two or
-   three lookups per part of a slab, light and gas. [Goudsmit & Saunderson 1940, for the moments] */
+   28 Forward multiple scattering. Light reaches a point through optical depth a, turns by an angle of cosine c, and
+   leaves through optical depth b; t = a + b. Besides single scattering p(c) exp(-t), the point sends X(t, c) by
+   events elsewhere that turn light so little that it stays on this path. Their number k is Poisson distributed with
+   mean t. Each multiplies Legendre moments by albedo w and the phase function's P[l]. Any of the k + 1 events may
+   count as the point's own, so X is divided by k + 1:
+         X = sum of (2 l + 1) / (4 pi) P_l(c) d[l](t),   d[l] = P[l] e^-t r(w P[l] t),   r(x) = (e^x - 1) / x - 1.
+   [Goudsmit & Saunderson 1940, for the moments]
+   Isotropised light leaves at the sides: d[0] is divided by 1 + 0.06 (1 + c)^2 (1 - P[1]) t, a fit to random walks
+   in clouds. Not so if it is followed by >>spreading or >>cells. X is at least -p exp(-t). Tables are over u = t /
+   (t + 4) and s, the angle being pi s^2.
+   X falls as 1 / t or 1 / t^2, so lights, rays and X end at a depth of 64. From the last node before, at 41, X is
+   linear in u to 0. At 64, X is at most 0.0013 for asymmetries up to 0.95, and 0.0086 for 0.99; isotropic p is 0.08.
+   Such a layer would lose a radiance t X of 0.02 for 0.8, 0.55 for 0.99, at irradiance 1.
+   Cost: ln 100 / ln(1 / g) terms per entry, and two or three lookups per part of a slab, light and medium. */
 
-#define SPSI_FORWARD_ORDERS 460 /* the square of the last moment is 1e-4 at an asymmetry of 0.99, the largest */
+#define SPSI_FORWARD_ORDERS 460 /* the last moment squared is 1e-4 at the maximum asymmetry, 0.99 */
 
-/* A phase function's series. The first `followed` orders are followed from cell to cell, for a phase function without
-   its peak, the moment after them: only what the peak passes on is left of them here. */
+/* Series of a phase function. Cells follow the first `followed` orders without the peak, the next moment: here, only
+   light passed on by the peak is left of them. */
 typedef struct spsi_legendre {
     int followed;
-    int stays;   /* 1: what leaves by the sides, having lost its direction, is not left out here */
-    double peak; /* the first moment that is not followed */
+    int stays;   /* 1: keeps light that leaves at the sides */
+    double peak; /* the first moment not followed */
     double moments[SPSI_FORWARD_ORDERS], orders[SPSI_FORWARD_ORDERS];
     int count;
 } spsi_legendre;
@@ -17325,7 +17307,6 @@ SPSI_COLD void spsi_legendre_moments(const spsi_material *material, int followed
     }
 }
 
-/* A lobe at one cosine. */
 SPSI_COLD double spsi_lobe_at(const sps_lobe *lobe, double cosine) {
     const double g = (double)lobe->asymmetry;
     const double square = spsi_dmax(1 + g * g - 2 * g * spsi_dmin(spsi_dmax(cosine, -1), 1), DBL_MIN);
@@ -17338,14 +17319,14 @@ static double spsi_phase_at(const spsi_material *material, double cosine) {
     return sum;
 }
 
-/* exp(-t) r(x), for x <= t. */
+/* exp(-t) r(x), x <= t. */
 SPSI_COLD double spsi_forward_rest(double x, double t) {
     if (fabs(x) < 1e-3) return exp(-t) * x * (0.5 + x / 6);
     return (exp(x - t) - exp(-t)) / x - exp(-t);
 }
 
-/* The factors d[l] at one depth. Of an order that is followed, they are those of the peak f, and what the scale of
-   extinction there, 1 - w f, has let pass too much of what scatters once. */
+/* Factors d[l]. For followed orders: the peak's, and single scattering that scaled extinction, 1 - w f, transmits in
+   excess. */
 SPSI_COLD void spsi_legendre_orders(spsi_legendre *series, double albedo, double t) {
     const double peak = series->peak, more = exp(-t) * expm1(spsi_dmin(albedo * peak * t, t));
     for (int l = 0; l < series->count; ++l)
@@ -17355,7 +17336,7 @@ SPSI_COLD void spsi_legendre_orders(spsi_legendre *series, double albedo, double
             series->orders[l] = series->moments[l] * spsi_forward_rest(albedo * series->moments[l] * t, t);
 }
 
-/* The sum over these: X. */
+/* Sums X. */
 SPSI_COLD double spsi_legendre_sum(const spsi_legendre *series, double t, double c) {
     const double mean = series->count > 1 ? series->moments[1] : 0;
     const double leaves = series->stays ? 1 : 1 + 0.06 * (1 + c) * (1 + c) * (1 - mean) * t;
@@ -17368,18 +17349,17 @@ SPSI_COLD double spsi_legendre_sum(const spsi_legendre *series, double t, double
     return sum * 0.25 / SPSI_PI;
 }
 
-/* The depth of a column of a table. */
+/* Optical depth of a column. */
 SPSI_COLD double spsi_forward_depth(int column) {
     const double end = (double)SPSI_FORWARD_END, u = column * end / ((end + 4) * (SPSI_FORWARD_SIZE - 1));
     return 4 * u / (1 - u);
 }
 
-/* X at one depth and angle, by the factors there. */
 static double spsi_forward_at(const spsi_material *material, const spsi_legendre *series, double t, double cosine) {
     return spsi_dmax(spsi_legendre_sum(series, t, cosine), -spsi_phase_at(material, cosine) * exp(-t));
 }
 
-/* X at one depth for all angles: a column of a table. */
+/* A column: all angles. */
 SPSI_COLD void spsi_forward_column(const spsi_material *material, spsi_legendre *series, double albedo, double t,
                                    float *column) {
     spsi_legendre_orders(series, albedo, t);
@@ -17389,7 +17369,7 @@ SPSI_COLD void spsi_forward_column(const spsi_material *material, spsi_legendre 
     }
 }
 
-/* Fills the tables. Levels of classified volumes are closer towards an albedo of 1, where few are lost. */
+/* Classified volumes have levels of albedo, denser towards 1. */
 SPSI_COLD void spsi_forward_build(const spsi_material *material, int followed, int stays, spsi_forward *forward) {
     const int grey = material->albedo[0] == material->albedo[1] && material->albedo[0] == material->albedo[2];
     spsi_legendre series;
@@ -17406,12 +17386,11 @@ SPSI_COLD void spsi_forward_build(const spsi_material *material, int followed, i
     }
 }
 
-/* Whether a sweep has a first pass, which measures gas: spsi_multiple. */
+/* True if a sweep has a first pass that measures media: spsi_multiple. */
 SPSI_COLD int spsi_sweep_measures(const spsi_frame *frame, const spsi_sweep *sweep) {
     return sweep->back_to_front && spsi_scatters_multiply(frame);
 }
 
-/* Makes the tables of all gases, which materials refer to from then on. */
 SPSI_COLD sps_result spsi_forward_tables(sps_context *context, spsi_frame *frame) {
     const int orders = spsi_scatters_fully(frame) ? frame->matter.orders : 0;
     const int stays = spsi_scatters_aside(frame);
@@ -17429,13 +17408,13 @@ SPSI_COLD sps_result spsi_forward_tables(sps_context *context, spsi_frame *frame
     return SPS_OK;
 }
 
-/* The depths and the angle at which tables are looked up for a mean over a part. */
+/* Table coordinates for a mean over a part. */
 typedef struct spsi_forward_part {
     spsi_v across, along[3], weight[3];
     int count;
 } spsi_forward_part;
 
-/* The angle whose cosine is c, divided by pi; to 3e-5. [Abramowitz & Stegun 1964, 4.4.45] */
+/* acos(c) / pi, to 3e-5. [Abramowitz & Stegun 1964, 4.4.45] */
 static inline spsi_v spsi_arccosine(spsi_v c) {
     const spsi_v x = spsi_min(spsi_abs(c), spsi_set(1));
     spsi_v p = spsi_set((float)(-0.0187293 / SPSI_PI));
@@ -17446,9 +17425,9 @@ static inline spsi_v spsi_arccosine(spsi_v c) {
     return spsi_select(spsi_less(c, spsi_set(0)), spsi_sub(spsi_set(1), p), p);
 }
 
-/* Gauss-Legendre quadrature in u, in which X is smooth where a part is thick, too. With v = 1 - u = 4 / (t + 4), that
-   multiplies a node's weight by v0 v1 / v^2, which is 1 where t0 = t1. Two nodes err by 1 % up to 2 units of optical
-   depth; beyond, three mostly by 3 %. They lie in the share of the part that is before X ends. */
+/* Gauss-Legendre quadrature in u, in which X is smooth even for thick parts. With v = 1 - u, weights are times v0 v1 /
+   v^2, which is 1 at t0 = t1. Two nodes err by 1 % up to 2 units of optical depth; three beyond mostly by 3 %. Nodes
+   lie in the part's fraction before X ends. */
 static void spsi_forward_part_build(spsi_v cosine, spsi_v start, spsi_v end, spsi_forward_part *part) {
     static const float nodes[2][3] = {{0.21132487f, 0.78867513f, 0}, {0.11270167f, 0.5f, 0.88729833f}};
     static const float shares[2][3] = {{0.5f, 0.5f, 0}, {5.0f / 18, 8.0f / 18, 5.0f / 18}};
@@ -17469,7 +17448,7 @@ static void spsi_forward_part_build(spsi_v cosine, spsi_v start, spsi_v end, sps
     }
 }
 
-/* The mean of X from one level of a table, or from the levels that `row`, the first row of each, says. */
+/* Mean of X in a level; `row`: its first row, per lane. */
 static spsi_v spsi_forward_mean(const spsi_forward *forward, spsi_v row, const spsi_forward_part *part) {
     spsi_v sum = spsi_set(0);
     for (int i = 0; i < part->count; ++i)
@@ -17480,7 +17459,7 @@ static spsi_v spsi_forward_mean(const spsi_forward *forward, spsi_v row, const s
     return sum;
 }
 
-/* The same for a channel of a material, of that albedo. */
+/* Mean of X for a channel of this albedo. */
 static spsi_v spsi_forward_channel(const spsi_material *material, int channel, spsi_v albedo,
                                    const spsi_forward_part *part) {
     const spsi_forward *forward = material->forward;

@@ -15331,7 +15331,7 @@ static int spsi_area_empty(spsi_area a) { return a.x0 > a.x1 || a.y0 > a.y1; }
 
 #define SPSI_BEAM_TILE (SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT)
 
-#define SPSI_SLIDE_LEAST 0.1 /* minimum of 1 + d_t L where there is gas; elsewhere it is clamped */
+#define SPSI_SLIDE_LEAST 0.1 /* minimum of 1 + d_t L at media */
 
 /* Maps texels on a plane between grids of rays, L = l . (1, x, y). */
 typedef struct spsi_slide {
@@ -15339,7 +15339,7 @@ typedef struct spsi_slide {
     int even; /* 1: all texels move equally */
 } spsi_slide;
 
-/* Rays of one point of the light, and the optical depth they have crossed. */
+/* Rays of one point, and their optical depth. */
 typedef struct spsi_beam {
     spsi_rays rays;
     int x0, y0;      /* the centre's texel at (0, 0), on the first plane if directional */
@@ -15347,7 +15347,7 @@ typedef struct spsi_beam {
     spsi_linear slab;
     float *depth;      /* optical depth so far, per texel */
     float *stop;       /* slab coordinate of the first polygon; NULL: no polygons */
-    spsi_area crossed; /* possibly crossed media or polygons, in the centre's texels */
+    spsi_area crossed; /* possibly crossed, in the centre's texels */
 } spsi_beam;
 
 typedef struct spsi_penumbra {
@@ -15358,11 +15358,11 @@ typedef struct spsi_penumbra {
     spsi_beam *beams;
     int beam_count;
     int first_slab; /* the sheets' chunk */
-    int pending;    /* 1: the beams have yet to cross these sheets */
+    int pending;    /* 1: beams have yet to cross the sheets */
     float *sheets;  /* mean extinction per slab, per texel */
     float
         *hidden; /* fraction of transmitted light stopped by polygons, per layer; NULL: no polygons */
-    uint64_t *held; /* per tile: bit mask of patches with occupied sheets */
+    uint64_t *held; /* per tile: occupied patches */
     float *scratch; /* per worker */
     size_t scratch_floats;
 } spsi_penumbra;
@@ -15378,7 +15378,7 @@ static double spsi_bilinear_inside(const float *grid, int width, int height, dou
     return above + fy * ((double)next[0] + fx * ((double)next[1] - (double)next[0]) - above);
 }
 
-/* Interpolates between the second and third of four values. [Catmull & Rom 1974] */
+/* Between the second and third value. [Catmull & Rom 1974] */
 static inline void spsi_cubic_weights(spsi_v t, spsi_v weights[4]) {
     const spsi_v one = spsi_set(1), u = spsi_sub(one, t), tt = spsi_mul(t, t), uu = spsi_mul(u, u);
     weights[0] = spsi_mul(spsi_mul(spsi_set(-0.5f), t), uu);
@@ -15400,7 +15400,7 @@ static void spsi_slide_at(const spsi_slide *slide, double x, double y, double at
     at[1] = (y + (double)slide->d[1] * l) * per;
 }
 
-/* Maps a beam's texels to the centre's at a slab coordinate (sign 1), or back (sign -1). */
+/* Sign 1: a beam's texels to the centre's at a slab coordinate; -1: back. */
 static void spsi_slide_build(const spsi_penumbra *penumbra, const spsi_beam *beam, double slab, int sign,
                              spsi_slide *slide) {
     const spsi_rays *rays = penumbra->rays;
@@ -15417,7 +15417,7 @@ static void spsi_slide_build(const spsi_penumbra *penumbra, const spsi_beam *bea
     slide->even = !rays->perspective;
 }
 
-/* Conservative bounds on planes `low` to `high`, with a margin of two texels. */
+/* Conservative, with a margin of two texels. */
 static spsi_area spsi_slide_area(const spsi_penumbra *penumbra, const spsi_beam *beam, double low, double high,
                                  int sign, spsi_area area) {
     spsi_area out = spsi_area_none();
@@ -15433,13 +15433,13 @@ static spsi_area spsi_slide_area(const spsi_penumbra *penumbra, const spsi_beam 
     return out;
 }
 
-/* --- cubic lookup of a row of texels --- */
+/* --- rows of texels --- */
 
 /* Linear lookups would blur each sheet by up to a quarter of a squared texel, half as much again as its kernels. */
 
 #define SPSI_ROW_PART 64 /* texels filtered at a time */
 
-/* A row of texels to which scaled lookups are added. */
+/* Texels that accumulate scaled lookups. */
 typedef struct spsi_texel_row {
     int x0, y, count;
     const float *scale; /* per texel; NULL: 1 */
@@ -15607,7 +15607,7 @@ SPSI_COLD int spsi_beam_aim(const spsi_frame *frame, const spsi_sweep *sweep, co
     return 1;
 }
 
-/* Slab coordinates at which polygons stop rays. `numbers`: scratch. */
+/* Result: slab coordinates. `numbers`: scratch. */
 static void spsi_beam_stop(sps_context *context, const spsi_faces *faces, spsi_beam *beam, int *numbers) {
     const int width = beam->rays.width, height = beam->rays.height;
     spsi_area at;
@@ -15650,7 +15650,7 @@ SPSI_COLD sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* Lays out arrays, or only counts their floats. */
+/* `memory` NULL: only counts. */
 static uint64_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra *penumbra, int has_polygons,
                                       float *memory) {
     const uint64_t sheets = SPSI_CHUNK * (uint64_t)spsi_ray_count(penumbra->rays);
@@ -15734,13 +15734,13 @@ static void spsi_penumbra_clear(const spsi_penumbra *penumbra, int index) {
                    (size_t)(tile.x1 - tile.x0 + 1) * sizeof(float));
 }
 
-/* A beam's texels that reach a tile of a chunk's planes. */
+/* A beam's texels that reach a tile. */
 typedef struct spsi_beam_part {
     const spsi_beam *beam;
     spsi_area area;
     int width, height;
     float *depth;
-    float *stopped; /* fraction of light that polygons stop in a layer */
+    float *stopped; /* fraction stopped by polygons in a layer */
     float *lengths; /* world length per slab */
     spsi_area stops; /* where polygons stop light within the chunk */
     float *passes;  /* per texel of the tile: transmittance at the last plane */
@@ -15752,7 +15752,6 @@ static spsi_area spsi_beam_area(const spsi_beam *beam) {
     return area;
 }
 
-/* True if sheets are occupied in the area. */
 static int spsi_penumbra_holds(const spsi_penumbra *penumbra, spsi_area area) {
     const int x0 = spsi_imax(area.x0, 0) / SPSI_TILE_WIDTH, y0 = spsi_imax(area.y0, 0) / SPSI_TILE_HEIGHT;
     const int x1 = spsi_imin(area.x1, penumbra->rays->width - 1), y1 = spsi_imin(area.y1, penumbra->rays->height - 1);
@@ -15770,7 +15769,7 @@ static int spsi_penumbra_holds(const spsi_penumbra *penumbra, spsi_area area) {
 typedef struct spsi_lookups {
     spsi_area bounds;
     spsi_area rows[SPSI_TILE_HEIGHT / SPSI_PATCH]; /* per row of patches */
-    uint64_t layers;                               /* bit i: polygons stop some light in the chunk's layer i */
+    uint64_t layers;                               /* bit mask of layers with stopped light */
 } spsi_lookups;
 
 static void spsi_lookups_find(const spsi_penumbra *penumbra, int index, spsi_lookups *lookups) {
@@ -15831,7 +15830,7 @@ static void spsi_beam_part_load(const spsi_beam *beam, spsi_area area, float *me
     }
 }
 
-/* Mean fraction of light that polygons stop in a layer. Returns bounds of nonzero texels. */
+/* Stopped fraction in a layer. Returns bounds of nonzero texels. */
 static spsi_area spsi_beam_part_stop(const spsi_beam_part *part, float layer) {
     const spsi_beam *beam = part->beam;
     spsi_area any = spsi_area_none();
@@ -15853,8 +15852,7 @@ static spsi_area spsi_beam_part_stop(const spsi_beam_part *part, float layer) {
    far as forward scattering. */
 static float spsi_penumbra_whole(const spsi_penumbra *penumbra) { return penumbra->end > SPSI_LIGHT_END ? 0.0f : 1.0f; }
 
-/* Adds transmittance to a plane, and its mean over the slab to weights. Optical depth, which bends less, is
-   interpolated. */
+/* Interpolates optical depth, which bends less than transmittance. */
 static void spsi_beam_add_row(const spsi_penumbra *penumbra, const spsi_beam_part *part, const spsi_slide *slide,
                               const spsi_area *area, int y, float *plane) {
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), whole = spsi_set(spsi_penumbra_whole(penumbra));
@@ -15946,7 +15944,7 @@ static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, s
     return 1;
 }
 
-/* Transmittance sum of all beams, given losses of `added` ones. */
+/* Transmittance sum, given losses of `added` beams. */
 static spsi_v spsi_penumbra_sum(const spsi_penumbra *penumbra, int added, spsi_v lost) {
     const float all = (float)penumbra->beam_count, whole = spsi_penumbra_whole(penumbra);
     return spsi_sub(spsi_set(whole > 0 ? all : all - (float)added), lost);
@@ -16052,7 +16050,7 @@ SPSI_COLD void spsi_penumbra_cross(sps_context *context, spsi_penumbra *penumbra
     }
 }
 
-/* True if the ray may meet media in stored sheets up to `slab`. */
+/* True if the ray may meet media up to `slab`. */
 static int spsi_beam_meets(const spsi_penumbra *penumbra, const spsi_beam *beam, const double texel[2], double slab) {
     spsi_area area = spsi_area_none();
     for (int end = 0; end < 2; ++end) {
@@ -16093,19 +16091,19 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
 
 /* ============================================================================================ >>spreading
    26 Forward scattering spreads light from sheet to sheet [Zhang & Crawfis, section 3]. A sheet of optical depth t,
-   its part s scattering, passes exp(s - t) of the flux. Direct light keeps exp(-t); the rest joins scattered light.
-   A is that light's mean squared sine to the ray, B the mean product of sine and displacement, C the displacement's
+   its part s scattering, passes e^(s-t) of the flux. Direct light keeps e^-t; the rest joins scattered light. A is
+   that light's mean squared sine to the ray, B the mean product of sine and displacement, C the displacement's
    variance. With h = (1 - P[2]) / 2, and x from 0 to s through thickness D:
-     dA/dx = 2 h (2/3 - A),   dB/dx = A D / s - h B,   dC/dx = 2 B D / s.
-   Light is convolved with a Gaussian by the growth of C. For small angles, C = 4/9 h s D^2 [Eyges 1948]; isotropic
-   light has A = 2/3. B decays by h = 1 - P[1], as for Henyey-Greenstein lobes near g = 1.
-   A Gaussian lacks peak and tail: light scattered only within lobes' peaks is a separate beam. The rest is the total
-   less that beam, which preserves moments.
-   Backscattering scales stored light by two streams, 1 / (1 + Q), Q = 3/4 (1 - P[1]) s. Unbounded media pass up to a
-   quarter more, media as wide as deep less.
-   Displacements are in texels, whose growth in a cone shrinks angles. Kernels move a fraction w <= 1/2 of light by k
-   = 1, 2, 4 .. texels to either side, of variance w k^2. This conserves energy at any width. Sheets alternate
-   between columns and rows.
+     dA/dx = 2 h (2/3 - A),   dB/dx = A D/s - h B,   dC/dx = 2 B D/s.
+   C's growth is the variance of a Gaussian kernel: 4/9 h s D^2 for small angles [Eyges 1948]. B decays by h = 1 -
+   P[1], the limit of Henyey-Greenstein lobes at g = 1.
+   One Gaussian lacks peak and tail: light scattered only within lobes' peaks is a separate beam. The rest is the
+   total less that beam, which preserves moments.
+   Two streams scale stored light for backscattering: 1 / (1 + Q), Q = 3/4 (1 - P[1]) s. Unbounded media pass up to a
+   quarter more.
+   Displacements are in texels, whose growth in a cone shrinks angles. Kernels move a fraction w <= 1/2 by k = 1, 2,
+   4 .. texels to either side, of variance w k^2. This conserves energy at any width. Sheets alternate between
+   columns and rows.
    Results are independent of the number of sheets. Half of a halo lies within 3 to 14 % more radius than random
    walks'. Cost: a pass per sheet and octave of kernel width. */
 
@@ -16115,9 +16113,9 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
 /* A Henyey-Greenstein lobe is a peak of this weight, of mean squared sine SHARP (1 - g)^2, and a rest. */
 #define SPSI_SPREAD_PEAK  0.75f
 #define SPSI_SPREAD_SHARP 2.0f
-/* Extra path length over thickness, per part of light turned back and forth. */
+/* Extra path length over thickness, per part turned back and forth. */
 #define SPSI_SPREAD_DETOUR 0.3f
-/* Squared texels below which light waits for later sheets. */
+/* Variance in squared texels, below which light waits. */
 #define SPSI_SPREAD_WAITS 0.25f
 
 typedef struct spsi_spread {
@@ -16126,7 +16124,7 @@ typedef struct spsi_spread {
     int channels, sheet_count;
     int pitch;    /* texels per row, in whole vectors */
     size_t plane; /* floats of a plane: rows of all faces */
-    float *onward; /* per channel and plane: irradiance by scattered light, without color and falloff */
+    float *onward; /* per channel and plane: scattered irradiance, without color and falloff */
     float *flux;   /* received by media, spsi_spread_keep */
     float *way;    /* `flux` times optical depth passed */
 } spsi_spread;
@@ -16147,7 +16145,7 @@ SPSI_COLD size_t spsi_spread_floats(const spsi_spread *spread) {
 
 /* --- from sheet to sheet --- */
 
-/* State, times flux: angle and slant are A and B; widths are variance yet to spread. */
+/* State, times flux: angle and slant are A and B; widths, variance yet to spread. */
 typedef enum spsi_spread_part {
     SPSI_SPREAD_WAY,
     SPSI_SPREAD_FLUX,
@@ -16161,7 +16159,7 @@ typedef enum spsi_spread_part {
 /* Light scattered only within peaks, and the rest. */
 typedef enum spsi_spread_beam { SPSI_SPREAD_NARROW, SPSI_SPREAD_WIDE, SPSI_SPREAD_BEAMS } spsi_spread_beam;
 
-/* A channel at a plane of one face, by rows and columns. Parts are times the relative solid angle. */
+/* A channel at a plane of one face, by rows and columns. Parts are times solid angle. */
 typedef struct spsi_spread_light {
     int size[2], pitch[2]; /* columns and rows; in whole vectors */
     float *part[SPSI_SPREAD_BEAMS][2][SPSI_SPREAD_PARTS];
@@ -16189,7 +16187,7 @@ typedef struct spsi_spread_sheet {
     int is_last;            /* 1: no light waits */
 } spsi_spread_sheet;
 
-/* Gains of light in a sheet of 2 h s = `turned`. */
+/* Gains in a sheet of 2 h s = `turned`. */
 typedef struct spsi_spread_gains {
     spsi_v keeps, mean; /* exp(-h s), and its mean over the sheet */
     spsi_v fresh[3];    /* A, B, C by events, over 2/3; B per reach, C per squared reach */
@@ -16216,7 +16214,6 @@ static void spsi_spread_gain(spsi_v turned, float growth, spsi_spread_gains *gai
     gains->fresh[2] = spsi_mul(spsi_set(2), spsi_select(spsi_less(b, spsi_set(0.5f)), series, exact));
 }
 
-/* Crossing of a sheet. */
 typedef struct spsi_spread_crossing {
     spsi_v straight;      /* direct light */
     spsi_v stays, passes; /* transmitted fractions of direct and scattered light */
@@ -16226,7 +16223,7 @@ typedef struct spsi_spread_crossing {
     float growth;
 } spsi_spread_crossing;
 
-/* State behind a sheet. */
+/* Advances a beam. */
 static void spsi_spread_behind(const spsi_spread_crossing *crossing, spsi_v part[SPSI_SPREAD_PARTS]) {
     const spsi_v growth = spsi_set(crossing->growth), reach = crossing->reach, two_thirds = spsi_set(2.0f / 3);
     const spsi_v old = spsi_mul(part[SPSI_SPREAD_FLUX], crossing->passes);
@@ -16314,10 +16311,9 @@ static void spsi_spread_cross(const spsi_spread_light *light, const spsi_spread_
     spsi_store(light->back + at, back_behind);
 }
 
-/* Variance that steps shorter than k can spread: half of each square. */
+/* Variance of all shorter steps: half of each square. */
 static float spsi_spread_capacity(int k) { return (float)(((double)k * k - 1) / 6); }
 
-/* A column of vectors. */
 typedef struct spsi_spread_column {
     const spsi_spread_light *light;
     int side;
@@ -16329,7 +16325,7 @@ typedef struct spsi_spread_column {
     float *share, *moved[2]; /* moved fraction; moved up and down */
 } spsi_spread_column;
 
-/* Moves light by k texels to both sides, tilted to one. */
+/* Moves light k texels to both sides, tilted. */
 static void spsi_spread_move(const spsi_spread_column *column, float *part, int k) {
     const ptrdiff_t step = (ptrdiff_t)k * SPSI_LANES, end = (ptrdiff_t)column->lines * SPSI_LANES;
     const float *tilt = column->light->tilt[column->side] + column->first;
@@ -16357,7 +16353,7 @@ static void spsi_spread_move(const spsi_spread_column *column, float *part, int 
     }
 }
 
-/* Spreads a column by its width. Excess over the largest steps is cut off. */
+/* Excess over the largest steps is cut off. */
 static void spsi_spread_column_by(const spsi_spread_column *column) {
     float *const *part = column->part;
     float *widths = part[column->way];
@@ -16432,10 +16428,9 @@ SPSI_COLD size_t spsi_spread_light_floats(const spsi_spread_light *light) {
            (3 * lines + 4 * SPSI_SPREAD_STEP) * SPSI_LANES;
 }
 
-/* In a cone of slopes x and y, relative solid angle is W = q^-3/2, q = 1 + x^2 + y^2. Angles span (1 + x^2)^1/2 more
-   along x. Uniform light stays uniform if the tilt is half the derivative of ln(W v). The variance v is q (1 + x^2),
-   times q^0 to q^1/2 for slanted paths. A point light in a uniform medium is then uniform to 5 %, with 48 texels across
-   each face. */
+/* In a cone of slopes x and y, relative solid angle is W = q^-3/2, q = 1 + x^2 + y^2. Uniform light stays uniform if
+   the tilt is half the derivative of ln(W v). The variance v is q (1 + x^2), times q^0 to q^1/2 for slanted paths. A
+   point light in a uniform medium is then uniform to 5 %, with 48 texels across each face. */
 SPSI_COLD void spsi_spread_texels(spsi_spread_light *light, const spsi_rays *rays) {
     double normal[3];
     memcpy(normal, rays->inverse[2], sizeof normal);
@@ -16482,7 +16477,6 @@ SPSI_COLD void spsi_spread_light_begin(spsi_spread_light *light, const spsi_rays
 
 /* --- lookup --- */
 
-/* Neighbourhood of a vector of points. */
 typedef struct spsi_spread_place {
     spsi_tmap_quads quads;
     spsi_v row[2], weight[2]; /* planes before and behind: first rows, and weights */
@@ -16538,10 +16532,10 @@ static spsi_v spsi_spread_flux(const spsi_spread *spread, int channel, const sps
 
 /* ============================================================================================== >>shadows
    27 Shadows on media and surfaces. Media shade by sheets, filled chunk by chunk, or by a transmittance map. Plane k
-   holds the optical depth between the light and slab k. Each chunk fills sheets and propagates light from slab to
-   slab, tile by tile, since hard light never leaves its ray. Lookups work anywhere in the current chunk. Polygons
-   shade media by a depth map and each other by rays; behind an opaque one, points are dark, whatever the planes.
-   Penumbrae are propagated beam by beam, >>penumbrae. Cost: 68 bytes per texel of the planes. */
+   holds the optical depth between the light and slab k. Light propagates from slab to slab, tile by tile, since hard
+   light never leaves its ray. Lookups work within the current chunk. Polygons shade media by a depth map and each
+   other by rays; points behind an opaque one are dark, whatever the planes. Penumbrae propagate beam by beam,
+   >>penumbrae. Cost: 68 bytes per texel of the planes. */
 
 typedef struct spsi_planes {
     float *depth[SPSI_CHUNK + 1]; /* width * height each */
@@ -16557,7 +16551,7 @@ typedef struct spsi_planes {
 #define SPSI_PLANES_TEXEL_BYTES ((SPSI_CHUNK + 1) * sizeof(float))
 
 /* Bicubic lookup, clamped to the four nearest values. Optical depth of classified volumes bends within a voxel:
-   bilinear lookups overestimate it, and darken surfaces by 3 % with one texel per voxel. The grid is at least 4 x 4;
+   bilinear lookups overestimate it, and darken surfaces by 3 % at one texel per voxel. Grids are at least 4 x 4;
    lookups are clamped to inner cells. */
 static inline spsi_v spsi_bicubic(const float *grid, int width, int height, spsi_v x, spsi_v y) {
     const spsi_v cx = spsi_clamp(x, spsi_set(1), spsi_set((float)(width - 2)));
@@ -16581,7 +16575,7 @@ static inline spsi_v spsi_bicubic(const float *grid, int width, int height, spsi
     return spsi_clamp(sum, low, high);
 }
 
-/* Accumulates a tile's sheets from plane to plane. Rows are far apart in uncached memory, so they are prefetched. */
+/* Accumulates sheets from plane to plane, prefetching rows. */
 static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *shader, const spsi_tile *tile) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2, rows_ahead = 2;
     for (int y = tile->y0; y <= tile->y1; ++y)
@@ -16604,7 +16598,7 @@ static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *
         }
 }
 
-/* Sets all planes of a tile to the optical depth so far. */
+/* Sets all planes to the optical depth so far. */
 static void spsi_planes_level(void *data, int tile) {
     spsi_planes *planes = (spsi_planes *)data;
     const int x0 = tile % planes->tiles_x * SPSI_TILE_WIDTH, y0 = tile / planes->tiles_x * SPSI_TILE_HEIGHT;
@@ -16618,7 +16612,7 @@ static void spsi_planes_level(void *data, int tile) {
         }
 }
 
-/* Shadow of a light with slabs of its own. */
+/* Shadow by sheets. */
 typedef struct spsi_sliced {
     const spsi_contents *contents;
     spsi_target target;
@@ -16658,7 +16652,7 @@ SPSI_COLD sps_result spsi_planes_build(sps_context *context, const spsi_frame *f
     planes->tiles_x = spsi_tile_columns(rays);
     planes->tiles_y = spsi_tile_rows(rays);
     const size_t tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
-    /* bits, turns and flags of tiles take less than one more texel */
+    /* tiles' arrays take less than one more texel */
     planes->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_PLANES, texels + tiles, SPSI_PLANES_TEXEL_BYTES);
     if (!planes->open) return context->result;
     float *memory = (float *)(void *)(planes->open + tiles);
@@ -16729,7 +16723,7 @@ static void spsi_soft_planes_task(void *data, int index, int worker) {
     spsi_penumbra_tile(&sliced->penumbra, index, worker, sliced->planes.depth);
 }
 
-/* Advances to the contents' current chunk. Penumbrae need all its sheets first. */
+/* Penumbrae need all sheets of the chunk first. */
 SPSI_COLD void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
     const double start = spsi_clock(context);
     const int tiles = sliced->planes.tiles_x * sliced->planes.tiles_y;
@@ -16749,7 +16743,7 @@ SPSI_COLD void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
 
 /* --- lookup --- */
 
-/* Arguments of spsi_quads_build along the eye's rays. */
+/* Arguments of spsi_quads_build. */
 SPSI_COLD void spsi_tmap_follow(const spsi_rays *eye, const sps_tmap *map, spsi_linear along[3]) {
     const spsi_rays *rays = &map->rays[0];
     for (int i = 0; i < 3; ++i) {
@@ -16772,7 +16766,6 @@ SPSI_COLD void spsi_shadow_aim(const spsi_rays *eye, spsi_shadow *shadow) {
     }
 }
 
-/* Columns and rows in a light's planes. */
 static inline void spsi_sliced_project(const spsi_sliced *sliced, const spsi_v at[3], spsi_v q[2]) {
     q[0] = at[0];
     q[1] = at[1];
@@ -16783,7 +16776,7 @@ static inline void spsi_sliced_project(const spsi_sliced *sliced, const spsi_v a
     }
 }
 
-/* Optical depth in front of a vector of points, on plane k. */
+/* Optical depth on plane k. */
 static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], int k) {
     spsi_v q[2];
     if (shadow->kind == SPSI_SHADOW_NONE) return spsi_set(0);
@@ -16794,7 +16787,7 @@ static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], 
     return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
 }
 
-/* Bilinear lookup in consecutive grids, one per lane: mostly the same. */
+/* Mostly all lanes look up one grid. */
 static spsi_v spsi_planes_find(const spsi_planes *planes, const float *grids, spsi_v number, const spsi_v q[2]) {
     const size_t texels = (size_t)planes->width * (size_t)planes->height;
     spsi_v found = spsi_set(0);
@@ -16810,7 +16803,7 @@ static spsi_v spsi_planes_find(const spsi_planes *planes, const float *grids, sp
     return found;
 }
 
-/* Fraction of a penumbra that polygons hide in a layer. */
+/* Fraction of a penumbra hidden by polygons. */
 static spsi_v spsi_sliced_hidden(const spsi_sliced *sliced, const spsi_v at[3], spsi_v layer) {
     const spsi_v k = spsi_floor(spsi_clamp(layer, spsi_set(0), spsi_set(SPSI_SUBSLABS * SPSI_CHUNK - 1)));
     spsi_v q[2];
@@ -16828,8 +16821,8 @@ static inline void spsi_sliced_texels(const spsi_sliced *sliced, const spsi_v at
     spsi_store_int(texels, spsi_fma(q[1], spsi_set((float)planes->width), q[0]));
 }
 
-/* Optical depth at slab coordinates within the chunk, linear between planes. Mostly all are in one slab; where the eye
-   sees no media, polygons of a whole chunk are shaded together. */
+/* Linear between planes. Mostly all points are in one slab; where the eye sees no media, a whole chunk is shaded
+   together. */
 static spsi_v spsi_planes_lookup(const spsi_planes *planes, const spsi_v q[2], spsi_v slab) {
     const spsi_v k = spsi_min(spsi_floor(slab), spsi_set(SPSI_CHUNK - 1));
     const spsi_v before = spsi_planes_find(planes, planes->depth[0], k, q);
@@ -16837,7 +16830,7 @@ static spsi_v spsi_planes_lookup(const spsi_planes *planes, const spsi_v q[2], s
     return spsi_mix(before, after, spsi_sub(slab, k));
 }
 
-/* Optical depth in front of points on polygons; 0 behind the light. */
+/* Optical depth; 0 behind the light. */
 static void spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, const spsi_points *points, float *depths) {
     static const double zero[3] = {0, 0, 0};
     const spsi_rays *rays = sliced->target.rays;
@@ -16880,7 +16873,7 @@ static void spsi_mapped_surfaces(const sps_tmap *map, const spsi_points *points,
     for (int n = SPSI_LANES - 1; n >= 0; --n) depths[n] = points->lanes >> n & 1 ? found[--count] : 0;
 }
 
-/* Optical depth in front of points on polygons, in or next to the chunk at `first_slab`. */
+/* Points are in or next to the chunk at `first_slab`. */
 static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, const spsi_points *points, float *depths) {
     memset(depths, 0, SPSI_LANES * sizeof *depths);
     if (shadow->kind == SPSI_SHADOW_MAP)
@@ -16891,8 +16884,7 @@ static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, cons
 
 /* --- sheets or tables --- */
 
-/* True if a light's table is as fine as its sheets in a large image, along the light too. So the choice is independent
-   of image size. */
+/* True if a table is as fine as the sheets of a large image, along the light too: independent of image size. */
 SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, const spsi_light *light) {
     sps_tmap map;
     const double *near_depth = &map.settings.near_depth, *far_depth = &map.settings.far_depth;
@@ -16907,9 +16899,8 @@ SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, 
            map.settings.components;
 }
 
-/* Upper bound of a frame's bytes without tables, by the figures at the top of this file, with all voxels stored. A
-   table is optional and must not exceed the memory limit. The context's caches and the region have no influence, so
-   that a scene always renders alike. */
+/* Upper bound of a frame's bytes without tables, with all voxels stored, by the figures at the top of this file.
+   Optional tables must not exceed the memory limit. Caches and region do not count: a scene always renders alike. */
 SPSI_COLD double spsi_bytes_without_tables(const sps_context *context, const spsi_frame *frame,
                                            const spsi_sweep *sheets) {
     const double pixels = (double)(frame->eye.width + SPSI_TILE_WIDTH) * (frame->eye.height + SPSI_TILE_HEIGHT);
@@ -16923,7 +16914,7 @@ SPSI_COLD double spsi_bytes_without_tables(const sps_context *context, const sps
     return bytes + (triangles > 0 ? lights * (18 * map * map + 4 * pixels) : 0);
 }
 
-/* Makes a light shade media by a table (1) or by sheets (0). */
+/* Chooses a table (1) or sheets (0). */
 SPSI_COLD void spsi_light_take(spsi_light *light, int table, spsi_choice choice) {
     light->has_map = table;
     light->sliced = !table;
@@ -16931,7 +16922,7 @@ SPSI_COLD void spsi_light_take(spsi_light *light, int table, spsi_choice choice)
     light->tables = 0;
 }
 
-/* True if slabs for a light and the eye also serve rays of all its points. */
+/* True if slabs for the eye and light serve all points. */
 static int spsi_beams_serve(const spsi_frame *frame, spsi_sweep *sweep) {
     spsi_beam beam;
     int i = 0;
@@ -16940,14 +16931,13 @@ static int spsi_beams_serve(const spsi_frame *frame, spsi_sweep *sweep) {
     return i == sweep->light->point_count;
 }
 
-/* Tables for an area light's points. */
 static int spsi_light_tables(const spsi_light *light) {
     const int count = light->point_count;
     return count < 32 ? spsi_imin(count, 5) : count < 64 ? 8 : SPSI_TABLES_MOST;
 }
 
-/* Sets the number of tables of a light, within `room` bytes. One suffices for penumbrae below half a texel; unknown
-   widths count as wider. */
+/* Sets the number of tables, within `room` bytes. One suffices for penumbrae below half a texel; unknown widths count
+   as wider. */
 static void spsi_light_fraction(const sps_context *context, const spsi_frame *frame, double *room, spsi_light *light) {
     const int known = frame->meshes.triangle_count == 0 && frame->particles.set_count == 0;
     spsi_rays rays[SPSI_CUBE_FACES];
@@ -16977,9 +16967,8 @@ SPSI_COLD void spsi_choose_for_unserved(const sps_context *context, const spsi_f
     if (light->tables > 1) light->choice = SPSI_CHOICE_TABLES;
 }
 
-/* Chooses sheets or a table for a light with a free choice. `others`: 1 if an earlier light has sheets; `room`: bytes
-   left for tables; `plain`: media's bounds, which judge a table's detail. Otherwise shadows would jump where a level
-   fades in. */
+/* Makes a choice the caller left open. `others`: an earlier light has sheets; `room`: bytes left for tables. `plain`:
+   media's bounds, which judge a table's detail, or shadows would jump where a level fades in. */
 SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *frame, const spsi_bounds *plain,
                                      int others, double *room, spsi_light *light) {
     const spsi_bounds all = frame->content->bounds;
@@ -17014,9 +17003,9 @@ static double spsi_lights_apart(const spsi_light *a, const spsi_light *b) {
     return spsi_dot(offset, offset);
 }
 
-/* Splits an area light into lights with a table each, at the mean of the points nearest to it. Means move away from the
-   light's centre until their variance is that of all points: transmittance is then right to third order in the light's
-   size. Returns the number of lights: places without points get none. */
+/* Splits an area light into one light per table, at the mean of its nearest points. Means move outwards until their
+   variance is that of all points. Transmittance is then right to third order in the light's size. Returns the number of
+   lights: places without points get none. */
 static int spsi_light_split(const spsi_light *light, spsi_light *parts, spsi_light *points) {
     const double *centre = light->is_point ? light->position : light->direction;
     double variance = 0, kept = 0;
@@ -17073,8 +17062,7 @@ static void spsi_lights_split(spsi_lights *lights) {
     spsi_lights_list(lights, count > lights->whole_count ? list : lights->whole, count);
 }
 
-/* Chooses how lights shade media, and how the image is divided, from the volumes' boxes and known particles. Without
-   particles, the choice is the same before and after reading. */
+/* Uses volumes' boxes and known particles. Without particles, the choice is the same before and after reading. */
 SPSI_COLD void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
     spsi_content *content = frame->content;
     const spsi_bounds tight = content->bounds;
@@ -17106,7 +17094,7 @@ SPSI_COLD void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
 
 /* --- maps of a sweep's shadows --- */
 
-/* Depth maps by which polygons shade media; texels need not be finer than `texel`. Surfaces do not use them. */
+/* Depth maps for media only; texels need not be finer than `texel`. */
 SPSI_COLD sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                            double texel, spsi_shadow *shadows, int count) {
     uint64_t floats = 0;
@@ -17131,7 +17119,7 @@ SPSI_COLD sps_result spsi_depth_maps_build(sps_context *context, const spsi_fram
     return SPS_OK;
 }
 
-/* One translucency map per point of a soft light; together they have the texels of one. */
+/* One map per point of a soft light, splitting the texels of one. */
 SPSI_COLD sps_result spsi_translucency_maps_lay_out(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows,
                                                     int count, spsi_translucency_map *maps) {
     size_t floats = 0;
@@ -17154,7 +17142,6 @@ SPSI_COLD sps_result spsi_translucency_maps_lay_out(sps_context *context, const 
     return context->result;
 }
 
-/* Counts translucent planes of all maps, and lists them. */
 SPSI_COLD sps_result spsi_translucency_maps_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                                  spsi_translucency_map *maps, size_t map_count) {
     size_t sum = 0, most = 0;
@@ -17178,7 +17165,7 @@ SPSI_COLD sps_result spsi_translucency_maps_fill(sps_context *context, const sps
     return SPS_OK;
 }
 
-/* Maps by which translucent polygons filter the light of media. */
+/* Maps that filter the light of media. */
 SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const spsi_frame *frame,
                                                   const spsi_faces *faces, spsi_shadow *shadows, int count) {
     size_t map_count = 0;
@@ -17198,7 +17185,7 @@ SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const sp
     return spsi_translucency_maps_fill(context, frame, faces, maps, map_count);
 }
 
-/* Moves a light's own map if cells made it already. Returns 0 if not. */
+/* Returns 0 if cells have made none. */
 SPSI_COLD int spsi_light_tmap_take(sps_context *context, const spsi_light *light, sps_tmap *map) {
     sps_tmap *maps = (sps_tmap *)context->buffers[SPSI_BUFFER_CELL_TMAPS].data;
     for (int i = 0; i < context->cell_tmap_count; ++i) {
@@ -17212,7 +17199,7 @@ SPSI_COLD int spsi_light_tmap_take(sps_context *context, const spsi_light *light
     return 0;
 }
 
-/* Leaves the rest of the call's progress to the sweep. spsi_shadow_maps_release frees maps even after a failure. */
+/* spsi_shadow_maps_release frees maps even after a failure. */
 SPSI_COLD sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows,
                                             int count, spsi_call_stage *sweep) {
     spsi_call_stage part = {sweep->progress, SPSI_PROGRESS_TMAP * sweep->share};
@@ -17261,24 +17248,24 @@ SPSI_COLD void spsi_shadow_maps_release(sps_context *context, const spsi_shadow 
 
 /* =========================================================================================== >>scattering
    28 Forward multiple scattering. Light reaches a point through optical depth a, turns by an angle of cosine c, and
-   leaves through optical depth b; t = a + b. Besides single scattering p(c) exp(-t), the point sends X(t, c) by
-   events elsewhere that turn light so little that it stays on this path. Their number k is Poisson distributed with
-   mean t. Each multiplies Legendre moments by albedo w and the phase function's P[l]. Any of the k + 1 events may
-   count as the point's own, so X is divided by k + 1:
-         X = sum of (2 l + 1) / (4 pi) P_l(c) d[l](t),   d[l] = P[l] e^-t r(w P[l] t),   r(x) = (e^x - 1) / x - 1.
-   [Goudsmit & Saunderson 1940, for the moments]
-   Isotropised light leaves at the sides: d[0] is divided by 1 + 0.06 (1 + c)^2 (1 - P[1]) t, a fit to random walks
-   in clouds. Not so if it is followed by >>spreading or >>cells. X is at least -p exp(-t). Tables are over u = t /
-   (t + 4) and s, the angle being pi s^2.
+   leaves through b; t = a + b. Besides single scattering p(c) e^-t, it sends X(t, c): events elsewhere turn light so
+   little that it stays on this path. Their number k is Poisson distributed with mean t. Each multiplies Legendre
+   moments by albedo w and the phase function's P[l] [Goudsmit & Saunderson 1940]. Any of the k + 1 events may count
+   as the point's own, so X is divided by k + 1:
+         X = sum of (2 l + 1) / (4 pi) P_l(c) d[l](t),
+         d[l] = P[l] e^-t r(w P[l] t),   r(x) = (e^x - 1) / x - 1.
+   Isotropised light leaves at the sides: d[0] is divided by 1 + 0.06 (1 + c)^2 (1 - P[1]) t. This fits random walks
+   in clouds, and is omitted with >>spreading and >>cells. X is at least -p e^-t. Tables are over u = t / (t + 4) and
+   s, the angle being pi s^2.
    X falls as 1 / t or 1 / t^2, so lights, rays and X end at a depth of 64. From the last node before, at 41, X is
-   linear in u to 0. At 64, X is at most 0.0013 for asymmetries up to 0.95, and 0.0086 for 0.99; isotropic p is 0.08.
-   Such a layer would lose a radiance t X of 0.02 for 0.8, 0.55 for 0.99, at irradiance 1.
-   Cost: ln 100 / ln(1 / g) terms per entry, and two or three lookups per part of a slab, light and medium. */
+   linear in u to 0. At 64, X is at most 0.0013 for asymmetries up to 0.95, 0.0086 for 0.99; isotropic p is 0.08. A
+   layer that deep lacks radiance 0.02 for 0.8, 0.55 for 0.99, at irradiance 1. Cost: ln 100 / ln(1/g) terms per
+   entry, and two or three lookups per part of a slab, light and medium. */
 
 #define SPSI_FORWARD_ORDERS 460 /* the last moment squared is 1e-4 at the maximum asymmetry, 0.99 */
 
-/* Series of a phase function. Cells follow the first `followed` orders without the peak, the next moment: here, only
-   light passed on by the peak is left of them. */
+/* Cells follow the first `followed` orders without the peak, the next moment. Here, only light passed on by the peak is
+   left of them. */
 typedef struct spsi_legendre {
     int followed;
     int stays;   /* 1: keeps light that leaves at the sides */
@@ -17386,7 +17373,7 @@ SPSI_COLD void spsi_forward_build(const spsi_material *material, int followed, i
     }
 }
 
-/* True if a sweep has a first pass that measures media: spsi_multiple. */
+/* True if a first pass measures media: spsi_multiple. */
 SPSI_COLD int spsi_sweep_measures(const spsi_frame *frame, const spsi_sweep *sweep) {
     return sweep->back_to_front && spsi_scatters_multiply(frame);
 }
@@ -17425,9 +17412,8 @@ static inline spsi_v spsi_arccosine(spsi_v c) {
     return spsi_select(spsi_less(c, spsi_set(0)), spsi_sub(spsi_set(1), p), p);
 }
 
-/* Gauss-Legendre quadrature in u, in which X is smooth even for thick parts. With v = 1 - u, weights are times v0 v1 /
-   v^2, which is 1 at t0 = t1. Two nodes err by 1 % up to 2 units of optical depth; three beyond mostly by 3 %. Nodes
-   lie in the part's fraction before X ends. */
+/* Gauss-Legendre quadrature in u, where X is smooth. With v = 1 - u, weights are times v0 v1 / v^2, which is 1 at t0 =
+   t1. Two nodes err by 1 % up to 2 units of optical depth; three beyond mostly by 3 %. Nodes lie before X ends. */
 static void spsi_forward_part_build(spsi_v cosine, spsi_v start, spsi_v end, spsi_forward_part *part) {
     static const float nodes[2][3] = {{0.21132487f, 0.78867513f, 0}, {0.11270167f, 0.5f, 0.88729833f}};
     static const float shares[2][3] = {{0.5f, 0.5f, 0}, {5.0f / 18, 8.0f / 18, 5.0f / 18}};
@@ -17495,7 +17481,7 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
 #define SPSI_CELL_TERMS      16
 #define SPSI_CELL_LEVELS     9  /* 256 cells, halved down to one */
 #define SPSI_CELL_ALONG      21 /* directions that rise along z */
-#define SPSI_CELL_BEAMS      17 /* maximum swept together through a row */
+#define SPSI_CELL_BEAMS      17 /* maximum swept together */
 #define SPSI_CELL_RAYS       64 /* rays from a patch into the grid */
 
 /* A discrete ordinate. */
@@ -17508,7 +17494,7 @@ typedef struct spsi_cell_direction {
     double back[3], across[2][3]; /* unit vectors: opposite, and perpendicular */
 } spsi_cell_direction;
 
-/* A multigrid level of one channel. Rows are padded to whole vectors with empty cells. */
+/* A multigrid level of one channel. Padding cells are empty. */
 typedef struct spsi_cell_level {
     const struct spsi_cell_solver *solver;
     int size[3], pitch;                /* cells along each axis; floats per row */
@@ -17517,7 +17503,7 @@ typedef struct spsi_cell_level {
     float *through[SPSI_CELL_LENGTHS]; /* transmittance of a step */
     float *average[SPSI_CELL_LENGTHS]; /* its mean along the step */
     float *keep[SPSI_CELL_ORDERS];     /* w' r[l] */
-    float *given, *sent, *moments[2];  /* an array per term; moments[1]: scratch after a sweep */
+    float *given, *sent, *moments[2];  /* arrays per term; moments[1]: scratch after a sweep */
     const float *blockers;             /* per cell: radiance entering through closed links; NULL: none */
     /* Per cell: bit i closes the link of step i, >>lighting; then, from outside the grid, a bit per slanted direction.
        NULL: all are open. */
@@ -17534,8 +17520,7 @@ SPSI_COLD size_t spsi_cell_stride(size_t cells) {
     return cells < 4096 ? cells : cells + (1024 + 80 - cells % 1024) % 1024;
 }
 
-/* Rays from a patch: two components along the side, one outwards; weights in flux, and by least squares in each
-   harmonic. */
+/* Directions (two components along the side, one outwards), flux weights, and least-squares weights in harmonics. */
 typedef struct spsi_cell_rays {
     float out[3][SPSI_CELL_RAYS], weight[SPSI_CELL_RAYS];
     float harmonic[SPSI_CELL_RAYS][SPSI_CELL_TERMS], fit[SPSI_CELL_RAYS][SPSI_CELL_TERMS];
@@ -17550,8 +17535,9 @@ typedef struct spsi_cell_solver {
     double *balance; /* per plane of cells: absolute residual and source */
     spsi_cell_rays rays;
     int walled;          /* 1: some links are closed */
-    int set_count; /* pairs of a light and a medium in `single` */
-    float *single; /* per set and cell: single scattering over the phase function, not sent by cells */
+    int set_count;
+    float *single; /* per pair of light and medium, and cell: single scattering over the phase function, not sent by
+                      cells */
 } spsi_cell_solver;
 
 /* Bit of a step's link. */
@@ -17606,7 +17592,7 @@ SPSI_COLD void spsi_cell_direction_build(int x, int y, int z, int axis, spsi_cel
     spsi_basis(direction->back, direction->across[0], direction->across[1]);
 }
 
-/* Neighbours; then slanted directions that fall along z, and rise: four along z, four rising along y, four falling. */
+/* Neighbours, then slanted directions; falling along z, then rising. */
 SPSI_COLD void spsi_cell_directions(spsi_cell_direction directions[SPSI_CELL_DIRECTIONS]) {
     spsi_cell_direction *next = directions;
     for (int i = 0; i < 27; ++i)
@@ -17619,7 +17605,7 @@ SPSI_COLD void spsi_cell_directions(spsi_cell_direction directions[SPSI_CELL_DIR
     }
 }
 
-/* End points of links: next to cell centres, since polygons often lie in planes through centres. */
+/* Links end next to cell centres: polygons often lie in planes through these. */
 static void spsi_cell_centre(const spsi_cell_grid *grid, int scale, int x, int y, int z, double centre[3]) {
     static const double off[3] = {0.5 + 0.0113, 0.5 + 0.0171, 0.5 + 0.0139};
     const int at[3] = {x, y, z};
@@ -17636,7 +17622,7 @@ typedef struct spsi_cell_beams {
     float *out[SPSI_CELL_BEAMS];
 } spsi_cell_beams;
 
-/* Sweeps a row and accumulates moments, beginning with the sum of `before`. */
+/* Sweeps a row. Moments begin with the sum of `before`. */
 static inline void spsi_cell_row_of(const spsi_cell_level *level, size_t row, const spsi_cell_beams *beams,
                                     const float *const before[2], float *moments, int terms) {
     for (size_t at = row; at < row + (size_t)level->pitch; at += SPSI_LANES) {
@@ -17663,7 +17649,6 @@ static inline void spsi_cell_row_of(const spsi_cell_level *level, size_t row, co
     }
 }
 
-/* Fixes `terms` at compile time. */
 static void spsi_cell_row(const spsi_cell_level *level, size_t row, const spsi_cell_beams *beams,
                           const float *const before[2], float *moments, int terms) {
     if (terms == 1) spsi_cell_row_of(level, row, beams, before, moments, 1);
@@ -17671,7 +17656,7 @@ static void spsi_cell_row(const spsi_cell_level *level, size_t row, const spsi_c
     if (terms == SPSI_CELL_TERMS) spsi_cell_row_of(level, row, beams, before, moments, SPSI_CELL_TERMS);
 }
 
-/* Rows begin with zeros, the boundary of both neighbouring rows; planes have an empty row on either side. */
+/* Rows begin with zeros, which bound both neighbouring rows. */
 static size_t spsi_cell_row_floats(const spsi_cell_level *level) { return (size_t)level->pitch + SPSI_LANES; }
 static size_t spsi_cell_plane_floats(const spsi_cell_level *level) {
     return spsi_cell_row_floats(level) * (size_t)(level->size[1] + 2) + SPSI_LANES;
@@ -17690,8 +17675,7 @@ SPSI_COLD size_t spsi_cell_scratch_floats(const spsi_cell_level *finest) {
     return along > rows ? along : rows;
 }
 
-/* Stride between cells with possibly closed links, from the first on; 0: none. Links from outside matter only for light
-   of polygons. */
+/* Stride between cells with possibly closed links; 0: none. Links from outside matter only for light of polygons. */
 static int spsi_cell_row_closed(const spsi_cell_level *level, size_t row) {
     const int number = (int)(row / (size_t)level->pitch), y = number % level->size[1], z = number / level->size[1];
     const int walled = level->closed ? level->walled[number] : 0;
@@ -17700,7 +17684,7 @@ static int spsi_cell_row_closed(const spsi_cell_level *level, size_t row) {
     return spsi_imax(1, level->size[0] - 1);
 }
 
-/* Inflow from neighbouring cells: `in`, or a copy in `own` where links are closed. */
+/* Inflow: `in`, or a copy in `own` with closed links. */
 static const float *spsi_cell_row_enters(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
                                          const float *in, float *own) {
     const int link = spsi_cell_link(direction->step[0], direction->step[1], direction->step[2]);
@@ -17770,7 +17754,7 @@ static void spsi_cell_row_follow_closed(const spsi_cell_level *level, size_t row
     }
 }
 
-/* Adds light of outside polygons to a row's end. */
+/* Adds outside polygons' light. */
 static void spsi_cell_row_end(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
                               float share, float *in) {
     const int step[3] = {direction->step[0], 0, 0};
@@ -17778,8 +17762,8 @@ static void spsi_cell_row_end(const spsi_cell_level *level, size_t row, const sp
     if (spsi_cell_link_blocked(&links, links.end)) in[links.end] += share * level->blockers[row + (size_t)links.end];
 }
 
-/* Adds weighted outflow of previous cells to a row's inflow, back and ahead along x. Pairing directions hides half of
-   this recurrence's latency. `sent`: scratch rows. */
+/* Adds weighted outflow of previous cells to inflow, back and ahead along x: pairing hides half of the recurrence's
+   latency. `sent`: scratch rows. */
 static void spsi_cell_rows_follow(const spsi_cell_level *level, size_t row,
                                   const spsi_cell_direction *const direction[2], float share, float *const sent[2],
                                   float *const in[2]) {
@@ -17811,7 +17795,7 @@ static void spsi_cell_rows_follow(const spsi_cell_level *level, size_t row,
 typedef struct spsi_cell_along {
     const spsi_cell_level *level;
     const spsi_cell_direction *directions[SPSI_CELL_ALONG];
-    float *planes, *rows; /* two planes per direction; rows of slanted inflow and sources */
+    float *planes, *rows; /* two planes per direction; scratch rows */
     int index, z, number; /* number: planes swept before this one */
 } spsi_cell_along;
 
@@ -17859,7 +17843,7 @@ static void spsi_cell_slant_closed(const spsi_cell_level *level, const spsi_cell
     }
 }
 
-/* Slanted inflow, interpolated between four cells at a third of an edge from the straight one. */
+/* Slanted inflow, from four cells a third of an edge off the straight one. */
 static void spsi_cell_along_slant(const spsi_cell_along *along, int i, int y, float *in) {
     const spsi_cell_level *level = along->level;
     const spsi_cell_direction *direction = along->directions[i];
@@ -17876,7 +17860,7 @@ static void spsi_cell_along_slant(const spsi_cell_along *along, int i, int y, fl
     spsi_cell_slant_closed(along->level, direction, row, from, in);
 }
 
-/* Sets inflow and outflow buffers. The last two directions take three steps along x. */
+/* The last two directions take three steps along x. */
 static void spsi_cell_along_enter(const spsi_cell_along *along, int first, int y, spsi_cell_beams *beams) {
     const spsi_cell_level *level = along->level;
     const size_t pitch = spsi_cell_row_floats(level),
@@ -17902,7 +17886,7 @@ static void spsi_cell_along_enter(const spsi_cell_along *along, int first, int y
                           &slanted[slants - 2]);
 }
 
-/* Sweeps the plane in rising or falling order of rows. The first directions reset the moments. */
+/* The first directions reset the moments. */
 static void spsi_cell_along_sweep(const spsi_cell_along *along, int first, int count, int falls) {
     const spsi_cell_level *level = along->level;
     float *moments = level->moments[along->index];
@@ -17917,7 +17901,6 @@ static void spsi_cell_along_sweep(const spsi_cell_along *along, int first, int c
     }
 }
 
-/* Sweeps the directions that fall (index 0) or rise (1) along z. */
 static void spsi_cells_along_task(void *data, int index) {
     const spsi_cell_level *level = (const spsi_cell_level *)data;
     const int planes = level->size[2];
@@ -18037,7 +18020,7 @@ typedef struct spsi_cell_step {
     int count;
 } spsi_cell_step;
 
-/* Restricts optical depth, and means weighted by it over up to eight fine cells. Empty cells stay 0. */
+/* Restricts optical depth, and means weighted by it. Empty cells stay 0. */
 static void spsi_cells_coarsen_task(void *data, int z) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
@@ -18063,13 +18046,12 @@ static void spsi_cells_coarsen_task(void *data, int z) {
         }
 }
 
-/* The next coarse cell on fine cell x's side; its own one at the grid's end. */
+/* The adjacent coarse cell nearest to fine cell x, within the grid. */
 static int spsi_cell_neighbour(int x, int size) {
     const int beside = x / 2 + (x & 1 ? 1 : -1);
     return beside < 0 || beside >= size ? x / 2 : beside;
 }
 
-/* The four coarse rows around a fine one. */
 static void spsi_cell_rows_about(const spsi_cell_level *coarse, const float *term, int y, int z, const float *row[4]) {
     const int planes[2] = {z / 2, spsi_cell_neighbour(z, coarse->size[2])};
     const int lines[2] = {y / 2, spsi_cell_neighbour(y, coarse->size[1])};
@@ -18124,9 +18106,9 @@ static void spsi_cells_ways_task(void *data, int z) {
 
 #define SPSI_CELL_BALANCE 5e-4 /* tolerated residual over source */
 #define SPSI_CELL_CYCLES  8    /* maximum */
-#define SPSI_CELL_REPEATS 4    /* sweeps of the coarsest level: at most 4 cells along its longest side */
+#define SPSI_CELL_REPEATS 4    /* sweeps of the coarsest level, at most 4 cells long */
 
-/* Residual over source, after a level's last sweep. */
+/* Relative residual. */
 SPSI_COLD double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_cell_level *level) {
     double missing = 0, sent = 0;
     for (int z = 0; z < level->size[2]; ++z) {
@@ -18142,8 +18124,8 @@ static void spsi_cells_check(spsi_cell_level *level, spsi_item_fn task) {
     spsi_parallel_items(level->solver->context, level->size[2], task, level);
 }
 
-/* A W-cycle: two cycles of the next coarser level correct this one. Coarse levels sweep first for their residual; the
-   finest has it. Recursion is as deep as there are levels. */
+/* A W-cycle: two cycles of the next coarser level. Coarse levels find their residual by a sweep first. Recursion is as
+   deep as there are levels. */
 SPSI_COLD void spsi_cells_v_cycle(spsi_cell_solver *solver, int n) {
     spsi_cell_level *level = &solver->levels[n], *coarse = level + 1;
     if (n == solver->level_count - 1) {
@@ -18160,7 +18142,6 @@ SPSI_COLD void spsi_cells_v_cycle(spsi_cell_solver *solver, int n) {
     spsi_parallel_items(solver->context, level->size[2], spsi_cells_correct_task, &step);
 }
 
-/* Sets up all levels from the finest one's depth and albedo. */
 SPSI_COLD void spsi_cells_levels(spsi_cell_solver *solver) {
     for (int n = 0; n < solver->level_count; ++n) {
         spsi_cell_level *level = &solver->levels[n];
@@ -18173,8 +18154,8 @@ SPSI_COLD void spsi_cells_levels(spsi_cell_solver *solver) {
     }
 }
 
-/* Solves for the finest level's source, given its depth, keep and given, and leaves its moments. `started`: 1:
-   continues after more was given. */
+/* Solves for the finest level's source, given its depth, keep and given. `started`: 1: continues after more was
+   given. */
 SPSI_COLD sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, const spsi_call_stage *part) {
     spsi_cell_level *finest = &solver->levels[0];
     const size_t bytes = (size_t)solver->terms * finest->count * sizeof(float);
@@ -18200,7 +18181,7 @@ typedef struct spsi_cell_viewer {
     spsi_cell_grid *grid;
 } spsi_cell_viewer;
 
-/* Rays also look up cells behind the eye: these count as half an edge ahead, so that the direction is never 0. */
+/* Cells behind the eye are looked up, too. They count as half an edge ahead, so that the direction is never 0. */
 static void spsi_cell_toward_eye(const spsi_cell_viewer *look, int x, int y, int z, double toward[3],
                                  float harmonic[SPSI_CELL_TERMS]) {
     const spsi_rays *eye = &look->frame->content->eye;
@@ -18263,8 +18244,7 @@ static void spsi_cells_viewer_task(void *data, int row) {
     }
 }
 
-/* Extrapolates to an empty cell: the mean of six neighbours, each continued linearly; else of edge and corner
-   neighbours; else 0. */
+/* Mean of six neighbours, each continued linearly; else of edge and corner neighbours; else 0. */
 static float spsi_cells_extrapolated(const spsi_cell_grid *grid, const float *seen, const int at[3]) {
     const int *size = grid->size;
     const size_t pitch = (size_t)grid->pitch, here = (size_t)(at[2] * size[1] + at[1]) * pitch + (size_t)at[0];
@@ -18305,13 +18285,13 @@ static void spsi_cells_extrapolate_task(void *data, int row) {
 
 #define SPSI_CELL_PATCHES 8 /* patches along an edge of a side */
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
-/* By side (x, y, z, the lower one first), then the higher axis along it, then the lower. */
+/* By side (x, y, z, the lower one first), then the higher axis, then the lower. */
 #define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
-#define SPSI_CELL_AIM 0.6f /* depth of outgoing light's origin over its path through the grid */
+#define SPSI_CELL_AIM 0.6f /* where outgoing light originates on its path */
 #define SPSI_CELL_PLACES 6 /* floats of geometry: centre, from the grid's corner; area; widths */
 
-/* Geometry, flux and harmonics per channel; then the latter per light and phase function, as single scattering over the
-   phase function. */
+/* Geometry, flux and harmonics per channel; then flux and harmonics of single scattering, per light and phase
+   function. */
 SPSI_COLD size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
     const int sets = 1 + grid->light_count * grid->peak_count;
     return (size_t)((SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * sets * grid->channels) * SPSI_CELL_SHEET);
@@ -18321,7 +18301,7 @@ static float *spsi_cell_patches_sent(const spsi_cell_grid *grid, int channel) {
     return grid->patches + (SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * channel) * SPSI_CELL_SHEET;
 }
 
-/* Over edge length. At rims, where light changes most, patches are half as wide. */
+/* Patches at rims, where light changes most, are half as wide. */
 static double spsi_cell_patch_begin(const spsi_cell_grid *grid, int patch) {
     const double at = (double)patch / grid->across;
     return 0.5 * at * (1 + at * (3 - 2 * at));
@@ -18393,7 +18373,7 @@ static double spsi_cell_irradiance(const spsi_cell_grid *grid, const float *flux
     return sum + 0.625 * SPSI_PI * (double)flux[0] * mean * spsi_dmax(2 * mean - 1, 0) * (toward * toward / square - 1);
 }
 
-/* Irradiance of a surface within the grid: interpolated between cells in front, half a cell off its polygon. */
+/* Irradiance within the grid: interpolated between cells in front, half a cell off the polygon. */
 static double spsi_cells_irradiance_within(const spsi_cell_grid *grid, int channel, const double point[3],
                                            const double normal[3]) {
     const float *flux = grid->flux + (size_t)(channel * grid->flux_terms) * grid->count;
@@ -18422,7 +18402,6 @@ static double spsi_cells_irradiance_within(const spsi_cell_grid *grid, int chann
     return all > 0 ? sum / all : 0;
 }
 
-/* A surface outside the grid, and its occluders. */
 typedef struct spsi_cell_visibility {
     const spsi_cell_grid *grid;
     const spsi_faces *faces;
@@ -18431,8 +18410,8 @@ typedef struct spsi_cell_visibility {
     int face;
 } spsi_cell_visibility;
 
-/* Bit mask of sides that face a surface, with possible occluders. Polygons above it only by round-off, like triangles
-   of a flat floor, are excluded. */
+/* Sides that face a surface and may be occluded. Polygons above it only by round-off, like triangles of a flat floor,
+   are excluded. */
 static int spsi_cell_visibility_near(const spsi_cell_visibility *visibility) {
     const spsi_cell_grid *grid = visibility->grid;
     const double *point = visibility->surface->point, *start = visibility->surface->start;
@@ -18462,8 +18441,8 @@ static int spsi_cell_visibility_near(const spsi_cell_visibility *visibility) {
     return near_sides;
 }
 
-/* Rays end next to outermost cells' centres: links handle occlusion behind. Their ends are staggered, so that shadow
-   edges parallel to a side pass one by one. */
+/* Rays end next to outermost cells' centres: links handle occlusion behind. Ends are staggered: shadow edges parallel
+   to a side pass one by one. */
 static void spsi_cell_visibility_ray(const spsi_cell_visibility *visibility, int patch, int number, double toward[3]) {
     static const int reversed[SPSI_CELL_PATCHES] = {0, 4, 2, 6, 1, 5, 3, 7};
     const spsi_cell_grid *grid = visibility->grid;
@@ -18516,7 +18495,7 @@ static uint64_t spsi_cell_patches_about(uint64_t patches) {
     return row | row << SPSI_CELL_PATCHES | row >> SPSI_CELL_PATCHES;
 }
 
-/* Visible fraction of a side's patches: one ray each, four at shadow edges. Returns 1 if any is occluded. */
+/* Visible fractions: one ray per patch, four at shadow edges. Returns 1 if any is occluded. */
 static int spsi_cell_visibility_side(const spsi_cell_visibility *visibility, int side, float *open) {
     const uint64_t hidden = spsi_cell_visibility_trace(visibility, side, ~(uint64_t)0, 0), seen = ~hidden;
     const uint64_t edge = (spsi_cell_patches_about(hidden) & seen) | (spsi_cell_patches_about(seen) & hidden);
@@ -18530,8 +18509,7 @@ static int spsi_cell_visibility_side(const spsi_cell_visibility *visibility, int
     return hidden != 0;
 }
 
-/* Visible fraction of patches. Returns 0 if all are visible. All surfaces use the same rays: shadows have fine steps,
-   not noise. */
+/* Returns 0 if all patches are visible. All surfaces use the same rays: shadows have fine steps, not noise. */
 static int spsi_cells_visibility(const spsi_cell_visibility *visibility, float open[SPSI_CELL_SHEET]) {
     const int near_sides = spsi_cell_visibility_near(visibility);
     int hidden = 0;
@@ -18638,7 +18616,7 @@ typedef struct spsi_cell_receiver {
     const float *open;            /* visible fraction per patch; NULL: 1 */
 } spsi_cell_receiver;
 
-/* Irradiance of a surface outside. Returns the visible fraction. */
+/* Returns the visible fraction. */
 static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
                                             const spsi_cell_receiver *to, double irradiance[3]) {
     const int most = grid->across * grid->across / (grid->light_count > 0 ? 4 : 8); /* maximum parts per edge */
@@ -18708,13 +18686,13 @@ static double spsi_cells_distance(const spsi_cell_grid *grid, const double point
     return sqrt(square);
 }
 
-/* Weight of patches against moments in cells: fades out within a sixth of a patch's width of the grid. */
+/* Weight of patches: fades to moments in cells within a sixth of a patch's width. */
 static double spsi_cells_outside(const spsi_cell_grid *grid, const double point[3]) {
     const int longest = spsi_imax(grid->size[0], spsi_imax(grid->size[1], grid->size[2]));
     return spsi_dmin(6 * SPSI_CELL_PATCHES * spsi_cells_distance(grid, point) / (grid->edge * longest), 1);
 }
 
-/* Position in the grid's list, or light_count. A light's tables have one entry. */
+/* Position in grid->lights, or light_count. */
 static int spsi_cells_light_of(const spsi_cell_grid *grid, int index) {
     int i = 0;
     while (i < grid->light_count && grid->lights[i].index != index) ++i;
@@ -18731,7 +18709,7 @@ static double spsi_cells_scale_at(const spsi_cell_grid *grids, int count, int c,
     return scale + (outside > 0 ? (1 - scale) * (double)grids->lights[light].weight * outside : 0);
 }
 
-/* Irradiance by a grid. Occlusion of patches scales the cells' part, too. */
+/* Occlusion of patches scales the cells' part, too. */
 static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, const spsi_cell_receiver *to,
                                   double irradiance[3]) {
     const double outside = spsi_cells_outside(grid, to->point);
@@ -18743,7 +18721,6 @@ static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int c
     }
 }
 
-/* Trilinear lookup of a material's radiance. */
 static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int channel, const spsi_v at[3]) {
     const float *seen = grid->seen + (size_t)(material * grid->channels + channel) * grid->count;
     const int rows = grid->size[1] * grid->size[2];

@@ -15296,10 +15296,11 @@ SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *
 /* ============================================================================================ >>penumbrae
    25 Penumbrae of media. An area light is K points. Media are splatted once, along the rays of its centre; each
    point stores only optical depth, in texels of its own rays. That is never resampled: no blur accumulates, and
-   occluders in sequence are correct. Slabs are parallel, so a point's texel u meets the centre's x on a plane at
-         x = (u + d L) / (1 + d_t L),    L linear in u.
+   occluders in sequence are correct. Slabs are parallel. A point's texel u and the centre's x meet on a plane, L
+   being linear in u.
+         x = (u + d L)/(1 + d_t L).
    d is the offset from centre to point in texels. For directional lights, L counts slabs, and d is the shift per
-   slab. Planes store -log V:
+   slab. Planes store -log V.
          A_s(u) += sheet_k(x at k + 1/2),    V_k(x) = mean over s of exp(-A_s(u at k)).
    Layers between planes store the fraction of V that polygons stop: -log averages lit and dark planes badly. Cost: 3
    bicubic lookups and an exponential per point, slab and occupied texel, 7 where polygons stop some. Memory: 4 bytes
@@ -15546,8 +15547,8 @@ static void spsi_row_add(const spsi_texel_grid *grid, const spsi_slide *slide, c
     }
 }
 
-/* -ln x up to `end`, a power of 2. With z = x^(1/end) >= 1/e and t = (z - 1) / (z + 1), ln z = 2 (t + t^3 / 3 + ..). Up
-   to t^13, this errs by 2e-5 at SPSI_LIGHT_END, 8e-5 at SPSI_FORWARD_END. Exactly 0 at 1. */
+/* -ln x up to `end`, a power of 2. With z = x^(1/end) >= 1/e and t = (z-1)/(z+1), ln z = 2 (t + t^3/3 + ..). Up to
+   t^13, errors are 2e-5 at SPSI_LIGHT_END, 8e-5 at SPSI_FORWARD_END. Exactly 0 at 1. */
 static inline spsi_v spsi_minus_log(spsi_v x, float end) {
     const float least = end > SPSI_LIGHT_END ? 1.6038109e-28f : 1.1253517e-7f;
     spsi_v z = spsi_max(x, spsi_set(least)), t, square, sum = spsi_set(1.0f / 13);
@@ -15690,7 +15691,6 @@ SPSI_COLD sps_result spsi_penumbra_begin(sps_context *context, const spsi_frame 
 
 /* --- from slab to slab --- */
 
-/* Stores a tile's sheets as mean extinction. */
 static void spsi_penumbra_keep(const spsi_penumbra *penumbra, const spsi_light_shader *shader, const spsi_tile *tile,
                                int index) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2, width = penumbra->rays->width;
@@ -15963,7 +15963,6 @@ static void spsi_penumbra_hide_row(const spsi_penumbra *penumbra, int added, int
     }
 }
 
-/* Turns sums into -log of the mean transmittance. */
 static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, int added, int count, float *plane) {
     const spsi_v share = spsi_set(1.0f / (float)penumbra->beam_count);
     for (int x = 0; x < count; x += SPSI_LANES) {
@@ -16031,7 +16030,6 @@ static void spsi_beam_task(void *data, int index) {
     }
 }
 
-/* Lets beams cross the stored sheets, once. */
 SPSI_COLD void spsi_penumbra_cross(sps_context *context, spsi_penumbra *penumbra) {
     const double first = penumbra->first_slab;
     spsi_area held = spsi_area_none(); /* occupied tiles */
@@ -16093,13 +16091,13 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
    26 Forward scattering spreads light from sheet to sheet [Zhang & Crawfis, section 3]. A sheet of optical depth t,
    its part s scattering, passes e^(s-t) of the flux. Direct light keeps e^-t; the rest joins scattered light. A is
    that light's mean squared sine to the ray, B the mean product of sine and displacement, C the displacement's
-   variance. With h = (1 - P[2]) / 2, and x from 0 to s through thickness D:
-     dA/dx = 2 h (2/3 - A),   dB/dx = A D/s - h B,   dC/dx = 2 B D/s.
-   C's growth is the variance of a Gaussian kernel: 4/9 h s D^2 for small angles [Eyges 1948]. B decays by h = 1 -
-   P[1], the limit of Henyey-Greenstein lobes at g = 1.
+   variance. x runs from 0 to s through thickness D, and h = (1 - P[2])/2.
+     dA/dx = 2h (2/3 - A),   dB/dx = A D/s - h B,   dC/dx = 2 B D/s.
+   C's growth is the variance of a Gaussian kernel: 4/9 h s D^2 for small angles [Eyges 1948]. B decays by h, the
+   limit of 1 - P[1] for Henyey-Greenstein lobes at g = 1.
    One Gaussian lacks peak and tail: light scattered only within lobes' peaks is a separate beam. The rest is the
    total less that beam, which preserves moments.
-   Two streams scale stored light for backscattering: 1 / (1 + Q), Q = 3/4 (1 - P[1]) s. Unbounded media pass up to a
+   Two streams scale stored light for backscattering: 1/(1 + Q), Q = 3/4 (1 - P[1]) s. Unbounded media pass up to a
    quarter more.
    Displacements are in texels, whose growth in a cone shrinks angles. Kernels move a fraction w <= 1/2 by k = 1, 2,
    4 .. texels to either side, of variance w k^2. This conserves energy at any width. Sheets alternate between
@@ -16113,7 +16111,7 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
 /* A Henyey-Greenstein lobe is a peak of this weight, of mean squared sine SHARP (1 - g)^2, and a rest. */
 #define SPSI_SPREAD_PEAK  0.75f
 #define SPSI_SPREAD_SHARP 2.0f
-/* Extra path length over thickness, per part turned back and forth. */
+/* Extra path over thickness, per part turned back and forth. */
 #define SPSI_SPREAD_DETOUR 0.3f
 /* Variance in squared texels, below which light waits. */
 #define SPSI_SPREAD_WAITS 0.25f
@@ -16175,7 +16173,7 @@ typedef struct spsi_spread_light {
 
 /* A sheet, per texel. */
 typedef struct spsi_spread_sheet {
-    const float *depth;     /* optical depth */
+    const float *depth;
     const float *scattered; /* its scattering part */
     const float *turned;    /* scattered (1 - P[2]) */
     const float *back;      /* scattered (1 - P[1]) */
@@ -16193,8 +16191,8 @@ typedef struct spsi_spread_gains {
     spsi_v fresh[3];    /* A, B, C by events, over 2/3; B per reach, C per squared reach */
 } spsi_spread_gains;
 
-/* C gains 2 (1 - 2 m + m2) / b. b is h s; m and m2 are means of exp(-b) and exp(-2 b). Up to b = 1/2, a series. In a
-   cone, A and B integrate over the place of events. */
+/* C gains 2 (1 - 2m + m2)/b. b is h s; m and m2 are means of exp(-b) and exp(-2b). Up to b = 1/2, a series. In a cone,
+   A and B integrate over the place of events. */
 static void spsi_spread_gain(spsi_v turned, float growth, spsi_spread_gains *gains) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), b = spsi_mul(turned, spsi_set(0.5f));
     const spsi_v wide = spsi_max(b, spsi_set(0.5f));
@@ -16223,7 +16221,6 @@ typedef struct spsi_spread_crossing {
     float growth;
 } spsi_spread_crossing;
 
-/* Advances a beam. */
 static void spsi_spread_behind(const spsi_spread_crossing *crossing, spsi_v part[SPSI_SPREAD_PARTS]) {
     const spsi_v growth = spsi_set(crossing->growth), reach = crossing->reach, two_thirds = spsi_set(2.0f / 3);
     const spsi_v old = spsi_mul(part[SPSI_SPREAD_FLUX], crossing->passes);
@@ -16398,7 +16395,7 @@ static void spsi_spread_along(const spsi_spread_light *light, int side, float **
 /* Transposes. */
 static void spsi_spread_turn(const spsi_spread_light *light, int side, const float *part, float *turned) {
     const size_t from = (size_t)light->pitch[side], to = (size_t)light->pitch[!side];
-    const int lines = light->size[!side], block = 16; /* a cache line */
+    const int lines = light->size[!side], block = 16; /* one cache line */
     for (int first = 0; first < lines; first += block)
         for (int x = 0; x < light->size[side]; ++x)
             for (int y = first; y < spsi_imin(first + block, lines); ++y)
@@ -16521,7 +16518,6 @@ static spsi_v spsi_spread_lookup(const spsi_spread *spread, const float *values,
     return sum;
 }
 
-/* Flux, and mean optical depth passed. */
 static spsi_v spsi_spread_flux(const spsi_spread *spread, int channel, const spsi_spread_place *place, spsi_v *depth) {
     const size_t first = (size_t)channel * (size_t)(spread->sheet_count + 1) * spread->plane;
     const spsi_v flux = spsi_spread_lookup(spread, spread->flux + first, place);
@@ -16575,7 +16571,7 @@ static inline spsi_v spsi_bicubic(const float *grid, int width, int height, spsi
     return spsi_clamp(sum, low, high);
 }
 
-/* Accumulates sheets from plane to plane, prefetching rows. */
+/* Propagates light from plane to plane, prefetching rows. */
 static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *shader, const spsi_tile *tile) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2, rows_ahead = 2;
     for (int y = tile->y0; y <= tile->y1; ++y)
@@ -16612,7 +16608,6 @@ static void spsi_planes_level(void *data, int tile) {
         }
 }
 
-/* Shadow by sheets. */
 typedef struct spsi_sliced {
     const spsi_contents *contents;
     spsi_target target;
@@ -16652,7 +16647,7 @@ SPSI_COLD sps_result spsi_planes_build(sps_context *context, const spsi_frame *f
     planes->tiles_x = spsi_tile_columns(rays);
     planes->tiles_y = spsi_tile_rows(rays);
     const size_t tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
-    /* tiles' arrays take less than one more texel */
+    /* tiles' arrays take less than one texel */
     planes->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_PLANES, texels + tiles, SPSI_PLANES_TEXEL_BYTES);
     if (!planes->open) return context->result;
     float *memory = (float *)(void *)(planes->open + tiles);
@@ -16873,7 +16868,7 @@ static void spsi_mapped_surfaces(const sps_tmap *map, const spsi_points *points,
     for (int n = SPSI_LANES - 1; n >= 0; --n) depths[n] = points->lanes >> n & 1 ? found[--count] : 0;
 }
 
-/* Points are in or next to the chunk at `first_slab`. */
+/* Points are in or next to the chunk. */
 static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, const spsi_points *points, float *depths) {
     memset(depths, 0, SPSI_LANES * sizeof *depths);
     if (shadow->kind == SPSI_SHADOW_MAP)
@@ -16899,8 +16894,8 @@ SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, 
            map.settings.components;
 }
 
-/* Upper bound of a frame's bytes without tables, with all voxels stored, by the figures at the top of this file.
-   Optional tables must not exceed the memory limit. Caches and region do not count: a scene always renders alike. */
+/* Upper bound of a frame's bytes without tables, with all voxels stored, by the figures at the top of this file. Tables
+   must not exceed the memory limit. Caches and region do not count: a scene always renders alike. */
 SPSI_COLD double spsi_bytes_without_tables(const sps_context *context, const spsi_frame *frame,
                                            const spsi_sweep *sheets) {
     const double pixels = (double)(frame->eye.width + SPSI_TILE_WIDTH) * (frame->eye.height + SPSI_TILE_HEIGHT);
@@ -16956,7 +16951,7 @@ static void spsi_light_fraction(const sps_context *context, const spsi_frame *fr
     if (light->tables > 1) *room -= sum;
 }
 
-/* A light that no slabs serve gets a table, an area light several. */
+/* Lights that no slabs serve get a table, area lights several. */
 SPSI_COLD void spsi_choose_for_unserved(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                         double *room, spsi_light *light) {
     const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_EVEN;
@@ -16977,7 +16972,7 @@ SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *fra
     spsi_sweep_clear(frame, light, 0, &sweep);
     light->choice = SPSI_CHOICE_SHEETS;
     int serves = spsi_sweep_aim(frame, &sweep) && (!sweep.soft || spsi_beams_serve(frame, &sweep));
-    if (spsi_eye_is_wide(frame) && !others && !light->extent.exists) /* dividing the image serves better */
+    if (spsi_eye_is_wide(frame) && !others && !light->extent.exists) /* dividing the image is better */
         serves &= sweep.cosine_of_eye >= SPSI_COSINE_EVEN;
     if (!serves) {
         spsi_choose_for_unserved(context, frame, &sweep, room, light);
@@ -16996,7 +16991,7 @@ SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *fra
         spsi_light_take(light, 0, SPSI_CHOICE_SHEETS);
 }
 
-/* Squared distance in place, or in direction. */
+/* Squared, in place or direction. */
 static double spsi_lights_apart(const spsi_light *a, const spsi_light *b) {
     double offset[3];
     spsi_along(a->is_point ? a->position : a->direction, b->is_point ? b->position : b->direction, -1, offset);
@@ -17004,8 +16999,8 @@ static double spsi_lights_apart(const spsi_light *a, const spsi_light *b) {
 }
 
 /* Splits an area light into one light per table, at the mean of its nearest points. Means move outwards until their
-   variance is that of all points. Transmittance is then right to third order in the light's size. Returns the number of
-   lights: places without points get none. */
+   variance is that of all points: third-order accuracy in the light's size. Returns the number of lights; places
+   without points get none. */
 static int spsi_light_split(const spsi_light *light, spsi_light *parts, spsi_light *points) {
     const double *centre = light->is_point ? light->position : light->direction;
     double variance = 0, kept = 0;
@@ -17044,7 +17039,6 @@ static int spsi_light_split(const spsi_light *light, spsi_light *parts, spsi_lig
     return count;
 }
 
-/* Lists lights, split if they have several tables. */
 static void spsi_lights_split(spsi_lights *lights) {
     spsi_light *list = lights->whole + lights->whole_count, *points = lights->split_points;
     int count = 0;
@@ -17165,7 +17159,6 @@ SPSI_COLD sps_result spsi_translucency_maps_fill(sps_context *context, const sps
     return SPS_OK;
 }
 
-/* Maps that filter the light of media. */
 SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const spsi_frame *frame,
                                                   const spsi_faces *faces, spsi_shadow *shadows, int count) {
     size_t map_count = 0;
@@ -17251,16 +17244,16 @@ SPSI_COLD void spsi_shadow_maps_release(sps_context *context, const spsi_shadow 
    leaves through b; t = a + b. Besides single scattering p(c) e^-t, it sends X(t, c): events elsewhere turn light so
    little that it stays on this path. Their number k is Poisson distributed with mean t. Each multiplies Legendre
    moments by albedo w and the phase function's P[l] [Goudsmit & Saunderson 1940]. Any of the k + 1 events may count
-   as the point's own, so X is divided by k + 1:
-         X = sum of (2 l + 1) / (4 pi) P_l(c) d[l](t),
-         d[l] = P[l] e^-t r(w P[l] t),   r(x) = (e^x - 1) / x - 1.
-   Isotropised light leaves at the sides: d[0] is divided by 1 + 0.06 (1 + c)^2 (1 - P[1]) t. This fits random walks
-   in clouds, and is omitted with >>spreading and >>cells. X is at least -p e^-t. Tables are over u = t / (t + 4) and
-   s, the angle being pi s^2.
-   X falls as 1 / t or 1 / t^2, so lights, rays and X end at a depth of 64. From the last node before, at 41, X is
-   linear in u to 0. At 64, X is at most 0.0013 for asymmetries up to 0.95, 0.0086 for 0.99; isotropic p is 0.08. A
-   layer that deep lacks radiance 0.02 for 0.8, 0.55 for 0.99, at irradiance 1. Cost: ln 100 / ln(1/g) terms per
-   entry, and two or three lookups per part of a slab, light and medium. */
+   as the point's own, so X is divided by k + 1.
+         X = sum of (2l + 1)/(4pi) P_l(c) d[l](t),
+         d[l] = P[l] e^-t r(w P[l] t),   r(x) = (e^x - 1)/x - 1.
+   Isotropised light leaves at the sides: d[0] is divided by 1 + 0.06 (1+c)^2 (1 - P[1]) t. This fits random walks in
+   clouds, and is omitted with >>spreading and >>cells. X is at least -p e^-t. Tables are over u = t/(t + 4) and s,
+   the angle being pi s^2.
+   X falls as 1/t or 1/t^2, so lights, rays and X end at a depth of 64. From the last node before, at 41, X is linear
+   in u to 0. At 64, X is at most 0.0013 for asymmetries up to 0.95, 0.0086 for 0.99; isotropic p is 0.08. A layer
+   that deep lacks radiance 0.02 for 0.8, 0.55 for 0.99, at irradiance 1. Cost: ln 100 / ln(1/g) terms per entry, and
+   two or three lookups per part of a slab, light and medium. */
 
 #define SPSI_FORWARD_ORDERS 460 /* the last moment squared is 1e-4 at the maximum asymmetry, 0.99 */
 
@@ -17373,7 +17366,7 @@ SPSI_COLD void spsi_forward_build(const spsi_material *material, int followed, i
     }
 }
 
-/* True if a first pass measures media: spsi_multiple. */
+/* True if a first pass measures media. */
 SPSI_COLD int spsi_sweep_measures(const spsi_frame *frame, const spsi_sweep *sweep) {
     return sweep->back_to_front && spsi_scatters_multiply(frame);
 }
@@ -17463,12 +17456,12 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
    29 Multiple scattering: discrete ordinates on a grid of cubic cells around the media. 50 directions integrate
    polynomials of degree 11 over the sphere [Lebedev 1976]. 26 lead to neighbours; 24 slanted ones take three steps
    along one axis and one along the others, interpolated between four cells. A step of optical depth t through a cell
-   of source s conserves energy:
-     out = s + (in - s) e^-t,   mean = s + (in - s) (1 - e^-t) / t.
-   Moments M are means of radiance times real harmonics Y of degree l < orders (1, 2 or 4). S is a cell's source:
+   of source s conserves energy.
+     out = s + (in - s) e^-t,   mean = s + (in - s) (1 - e^-t)/t.
+   Moments M are means of radiance times real harmonics Y of degree l < orders (1, 2 or 4). S is a cell's source.
      S[lm] = w' r[l] M[lm] + given[lm],   s(direction) = sum of S[lm] Y[lm].
    Delta-M scaling treats the forward peak f = P[orders] as transmitted [Wiscombe 1977]. Extinction scales by k = 1 -
-   w f, albedo is w' = w (1 - f) / k. r[l] = (P[l] - f) / (1 - f).
+   w f. Albedo is w' = w (1-f)/k; r[l] = (P[l]-f)/(1-f).
    A sweep is one scattering event, so multigrid corrects smooth errors. Cost: 50 steps per cell, sweep and moment; 3
    or 4 sweeps of the finest level, 5 to 8 near polygons.
    Opaque polygons close links between cells whose centres they separate. Only the polygon's own light enters there,
@@ -17482,7 +17475,7 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
 #define SPSI_CELL_LEVELS     9  /* 256 cells, halved down to one */
 #define SPSI_CELL_ALONG      21 /* directions that rise along z */
 #define SPSI_CELL_BEAMS      17 /* maximum swept together */
-#define SPSI_CELL_RAYS       64 /* rays from a patch into the grid */
+#define SPSI_CELL_RAYS       64 /* rays per patch into the grid */
 
 /* A discrete ordinate. */
 typedef struct spsi_cell_direction {
@@ -17536,11 +17529,9 @@ typedef struct spsi_cell_solver {
     spsi_cell_rays rays;
     int walled;          /* 1: some links are closed */
     int set_count;
-    float *single; /* per pair of light and medium, and cell: single scattering over the phase function, not sent by
-                      cells */
+    float *single; /* per light-medium pair and cell: single scattering over the phase function */
 } spsi_cell_solver;
 
-/* Bit of a step's link. */
 static int spsi_cell_link(int x, int y, int z) { return x + 1 + 3 * (y + 1) + 9 * (z + 1); }
 
 /* Real harmonics of mean square 1: degree l has terms l^2 to (l + 1)^2 - 1. `terms` is 1, 4 or all. */
@@ -17810,7 +17801,6 @@ static void spsi_cell_along_begin(const spsi_cell_level *level, int index, spsi_
     memset(along->planes, 0, spsi_cell_along_floats(level) * sizeof(float));
 }
 
-/* Outflow of row y, in this plane or the previous one. */
 static float *spsi_cell_along_row(const spsi_cell_along *along, int direction, int before, int y) {
     const spsi_cell_level *level = along->level;
     const int plane = 2 * direction + (before ? along->number % 2 : 1 - along->number % 2);
@@ -17860,7 +17850,7 @@ static void spsi_cell_along_slant(const spsi_cell_along *along, int i, int y, fl
     spsi_cell_slant_closed(along->level, direction, row, from, in);
 }
 
-/* The last two directions take three steps along x. */
+/* The last two take three steps along x. */
 static void spsi_cell_along_enter(const spsi_cell_along *along, int first, int y, spsi_cell_beams *beams) {
     const spsi_cell_level *level = along->level;
     const size_t pitch = spsi_cell_row_floats(level),
@@ -17913,7 +17903,7 @@ static void spsi_cells_along_task(void *data, int index) {
     }
 }
 
-/* Three directions that fall along y, or the other five, the first two along x. */
+/* Three directions that fall along y, or five others, the first two along x. */
 static void spsi_cells_across(const spsi_cell_level *level, int z, int falls, const float *const before[2],
                               float *rows) {
     const spsi_cell_direction *directions = &level->solver->directions[falls ? 9 : 12];
@@ -17960,7 +17950,7 @@ SPSI_COLD void spsi_cells_sweep(spsi_cell_level *level) {
 
 /* --- the equations --- */
 
-/* 1 - `keep` times the fraction of a cell's source in its own mean radiance, 1 - (1 - exp(-t)) / t. */
+/* 1 - `keep` times the fraction of a cell's source in its own mean radiance, 1 - (1 - e^-t)/t. */
 static inline spsi_v spsi_cell_escaped(const spsi_cell_level *level, const float *keep, size_t at) {
     static const float share[SPSI_CELL_LENGTHS] = {24.0f / 315, 768.0f / 2835, 216.0f / 1280, 351384.0f / 725760};
     spsi_v own = spsi_set(0);
@@ -18012,7 +18002,6 @@ static void spsi_cells_relax_task(void *data, int z) {
 
 /* --- levels --- */
 
-/* Consecutive arrays to transfer between two levels. */
 typedef struct spsi_cell_step {
     const spsi_cell_level *fine, *coarse;
     const float *from;
@@ -18089,7 +18078,6 @@ static void spsi_cells_correct_task(void *data, int z) {
         }
 }
 
-/* Transmittances of a plane's steps. */
 static void spsi_cells_ways_task(void *data, int z) {
     static const float ways[SPSI_CELL_LENGTHS] = {1, 1.41421356f, 1.73205081f, 1.10554160f};
     const spsi_cell_level *level = (const spsi_cell_level *)data;
@@ -18108,7 +18096,7 @@ static void spsi_cells_ways_task(void *data, int z) {
 #define SPSI_CELL_CYCLES  8    /* maximum */
 #define SPSI_CELL_REPEATS 4    /* sweeps of the coarsest level, at most 4 cells long */
 
-/* Relative residual. */
+/* Residual over source. */
 SPSI_COLD double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_cell_level *level) {
     double missing = 0, sent = 0;
     for (int z = 0; z < level->size[2]; ++z) {
@@ -18118,7 +18106,6 @@ SPSI_COLD double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi
     return sent > 0 ? missing / sent : 0;
 }
 
-/* Sweeps, then finds residuals or relaxes. */
 static void spsi_cells_check(spsi_cell_level *level, spsi_item_fn task) {
     spsi_cells_sweep(level);
     spsi_parallel_items(level->solver->context, level->size[2], task, level);
@@ -18285,9 +18272,9 @@ static void spsi_cells_extrapolate_task(void *data, int row) {
 
 #define SPSI_CELL_PATCHES 8 /* patches along an edge of a side */
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
-/* By side (x, y, z, the lower one first), then the higher axis, then the lower. */
+/* Patches by side (x, y, z, the lower one first), then the higher axis, then the lower. */
 #define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
-#define SPSI_CELL_AIM 0.6f /* where outgoing light originates on its path */
+#define SPSI_CELL_AIM 0.6f /* fraction of its path where outgoing light originates */
 #define SPSI_CELL_PLACES 6 /* floats of geometry: centre, from the grid's corner; area; widths */
 
 /* Geometry, flux and harmonics per channel; then flux and harmonics of single scattering, per light and phase
@@ -18297,6 +18284,7 @@ SPSI_COLD size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
     return (size_t)((SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * sets * grid->channels) * SPSI_CELL_SHEET);
 }
 
+/* Flux and harmonics in a channel. */
 static float *spsi_cell_patches_sent(const spsi_cell_grid *grid, int channel) {
     return grid->patches + (SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * channel) * SPSI_CELL_SHEET;
 }
@@ -18358,8 +18346,8 @@ static inline spsi_v spsi_cell_way_through(const double extent[3], const spsi_v 
     return length;
 }
 
-/* Irradiance by a cell's moments; `harmonic`: against the normal. Degrees 0 to 2 weigh pi, 2 pi / 3, pi / 4. Without
-   degree 2, mean cosine f counts as a uniform cone, of degree 2 f (2 f - 1): 0 for a hemisphere. */
+/* Irradiance by a cell's moments; `harmonic`: against the normal. Degrees 0 to 2 weigh pi, 2pi/3, pi/4. Without degree
+   2, mean cosine f counts as a uniform cone, of degree 2 f (2f - 1): 0 for a hemisphere. */
 static double spsi_cell_irradiance(const spsi_cell_grid *grid, const float *flux, const float harmonic[]) {
     static const double degree[3] = {SPSI_PI, 2 * SPSI_PI / 3, SPSI_PI / 4};
     double sum = 0, square = DBL_MIN, toward = 0, mean;
@@ -18520,7 +18508,6 @@ static int spsi_cells_visibility(const spsi_cell_visibility *visibility, float o
     return hidden;
 }
 
-/* A side that lights a surface. */
 typedef struct spsi_cell_sender {
     const spsi_cell_grid *grid;
     const float *sent; /* the first channel's */
@@ -18537,8 +18524,8 @@ static spsi_v spsi_cell_patches_sum(const float *terms, const spsi_v harmonic[SP
 }
 
 /* Phase function over isotropic. A nearby light's is the mean of two places, weighted by irradiance. Delta-M counts the
-   peak twice: straight on, and in the lobe's core, f (1 - g^2)^2 / (1 + g^2) times the lobe: phase[1]. The core keeps
-   the mean of exp(-(1 / k - 1) t) on a path of scaled depth t. Lobes sharper than g = 0.85 would reveal parts. */
+   peak twice: straight on, and in the lobe's core, phase[1], f (1-g^2)^2/(1+g^2) times the lobe. The core keeps the
+   mean of exp(-(1/k - 1) t) on a path of scaled depth t. Lobes sharper than g = 0.85 would reveal parts. */
 static void spsi_cell_patches_phase(const spsi_cell_grid *grid, const spsi_cell_light *light,
                                     const spsi_material *material, const spsi_v place[3], const spsi_v ahead[3],
                                     spsi_v through, spsi_v phase[2]) {
@@ -18567,9 +18554,9 @@ static void spsi_cell_patches_phase(const spsi_cell_grid *grid, const spsi_cell_
     for (int i = 0; i < 2; ++i) phase[i] = spsi_div(phase[i], all);
 }
 
-/* Irradiance by patch parts, whose centres are `off` the patch's. Form factors of discs, to second order: cosine
-   cosine' area / (pi distance^2 + area (3 u^2 - 2)); u: cosine at the side. Nearby, (3 u^2 - 2) grows to 1. Light
-   originates at SPSI_CELL_AIM of its path, not on the side: bright regions stay in place. */
+/* Irradiance by patch parts, centred `off` the patch's centre. Form factors of discs, to second order: cosine cosine'
+   area/(pi distance^2 + area (3u^2 - 2)); u: cosine at the side. Nearby, (3u^2 - 2) grows to 1. Light originates at
+   SPSI_CELL_AIM of its path, not on the side: bright regions stay in place. */
 static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *sent, const spsi_v way[3],
                                    const spsi_v off[2], spsi_v area, spsi_v sums[3]) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));

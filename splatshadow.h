@@ -1906,11 +1906,11 @@ struct sps_context {
     uint64_t voxel_count;
     uint64_t faces_held; /* fingerprint of the meshes whose triangles are held; 0: none, >>polygons */
     int face_count;
-    int tree_held;          /* 1: the tree of these triangles is held too */
-    int shadow_table_count; /* held from the last call, >>tmaps */
-    int cell_tmap_count;    /* maps that are held for the sweeps of this call, >>lighting */
-    uint64_t cells_held;    /* fingerprint of what scattered light was made from; 0: none is held, >>lighting */
-    spsi_rates pace;        /* >>budget */
+    int tree_held;           /* 1: the tree of these triangles is held too */
+    int shadow_table_count;  /* held from the last call, >>tmaps */
+    int cell_tmap_count;     /* maps that are held for the sweeps of this call, >>lighting */
+    uint64_t cells_held;     /* fingerprint of what scattered light was made from; 0: none is held, >>lighting */
+    spsi_rates pace;         /* >>budget */
     spsi_bounds mesh_bounds; /* of the triangles that are held */
 };
 
@@ -2943,48 +2943,42 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
 }
 
 /* ======================================================================================== >>transmittance
-   8  Optical depth along one ray: how each technique of a transmittance map stores and evaluates it. A ray runs from
-   u = 0 to 1. Along it lie intervals, uniform or with a particle's density of 1 - s^2. Their sum is a curve, kept as
-   straight lines and jumps, which no technique represents exactly except for the list itself. Two kinds:
+   8  Optical depth along a ray (u = 0 to 1) of a transmittance map, by technique. Intervals are uniform or have a
+   particle's density 1 - s^2. Their sum is a curve of lines and jumps, exact only in lists.
 
-   Sums accept intervals in any order, a vector of neighbouring texels at a time, and are finished once:
-     opacity planes, deep opacity planes       [Kim & Neumann 2001; Yuksel & Keyser 2008; cubics: Steffen 1990]
-     Fourier series of extinction              [Jansen & Bavoil 2010], a_k = 2 sum t cos(2 pi k u), b_k with the sine
-     power moments of extinction               [Muenstermann et al. 2018; Peters & Klein 2015]
-   Lists use the whole curve of a ray:
-     straight lines of T within epsilon        [Lokovic & Veach 2000], thinned by least area [Salvi et al. 2010]
+   Sums take intervals in any order, a vector of texels at a time.
+       opacity planes, deep opacity planes    [Kim & Neumann 2001; Yuksel & Keyser 2008; cubics: Steffen 1990].
+       Fourier series of extinction           [Jansen & Bavoil 2010].
+       power moments of extinction            [Muenstermann et al. 2018; Peters & Klein 2015].
+   Lists need a ray's whole curve.
+       straight lines of T within epsilon     [Lokovic & Veach 2000], thinned by least area [Salvi et al. 2010].
 
-   Cost: insertion takes time for the planes that an interval passes through, or for all components; a list
-   n log n; the cost of a query stands at its function. T is short for transmittance, exp(-optical depth). */
+   Insertion costs the planes crossed, or all components; lists n log n. T is transmittance, exp(-optical depth). */
 
-#define SPSI_TMAP_COMPONENTS 65     /* maximum floats per texel */
-#define SPSI_SOFT_PIECES     8      /* uniform pieces for a soft interval in a curve: 1.2 % of its depth off */
-#define SPSI_SOFT_MOST       256    /* maximum of such pieces, where an error is to be kept */
-#define SPSI_SOFT_EPSILON    0.001f /* minimum error that these keep */
+#define SPSI_TMAP_COMPONENTS 65     /* per texel */
+#define SPSI_SOFT_PIECES     8      /* per soft interval; error 1.2 % of its depth */
+#define SPSI_SOFT_MOST       256    /* maximum, for a given error */
+#define SPSI_SOFT_EPSILON    0.001f /* minimum error */
 
-/* An interval of a ray from u0 to u1, of optical depth `depth`: uniform (soft 0), or with density 1 - s^2, where s runs
-   from -1 to 1 (soft 1), as in a particle. If the light is inside a particle, s begins at 1 - 2 soft: the interval is
-   the last `soft` of the chord. Its ends may lie outside 0..1, so that its shape stays exact: what is before 0 counts
-   at 0, and what is behind 1 counts at 1. */
+/* Interval u0..u1 of a ray: uniform (soft 0), or density 1 - s^2, s = -1 to 1 (soft 1). With the light inside a
+   particle, only the last `soft` of the chord. Ends may exceed 0..1; depth beyond counts at 0 or 1. */
 typedef struct spsi_interval {
     float u0, u1, depth, soft;
 } spsi_interval;
 
-/* The same for a vector of neighbouring texels; depth 0: no interval there. */
+/* Intervals of neighbouring texels; depth 0: none. */
 typedef struct spsi_intervals {
     spsi_v u0, u1, depth;
     float soft;
 } spsi_intervals;
 
-/* One node of a curve along a texel's ray, of optical depth, or of transmittance where a map stores that. The curve is
-   linear between nodes; before the first it is unattenuated, after the last it keeps the last value. Two nodes may
-   share one u: a jump (a sheet without thickness, an opaque surface whose depth is SPSI_DEPTH_MAX), which is complete
-   at that u. */
+/* Node of a curve of optical depth or transmittance. Linear between nodes, unattenuated before, constant after. Two
+   nodes at one u are a jump (thin sheet, opaque surface), complete at u. */
 typedef struct spsi_node {
     float u, value;
 } spsi_node;
 
-/* A vector of texels of a map with the same number of floats each: those at (x, y) begin at floats + y * stride + x. */
+/* Texel (x, y) starts at floats + y * stride + x. */
 typedef struct spsi_texels {
     const float *floats;
     int stride;
@@ -2992,34 +2986,30 @@ typedef struct spsi_texels {
 } spsi_texels;
 
 typedef struct spsi_technique {
-    const char *name;             /* with its article, for error sentences */
-    int least, most, step, usual; /* components: minimum, maximum, step from the minimum, default */
-    size_t lists;                 /* bytes of an item of a texel's list, as long as its ray makes it; 0: no lists */
-    /* 1: insert has no closed form for a soft interval that is cut, which is inserted as points. 0: accepts intervals
-       whose ends lie outside 0..1. */
+    const char *name;             /* with article, for errors */
+    int least, most, step, usual; /* components: minimum, maximum, step, default */
+    size_t lists;                 /* bytes per list item; 0: no lists */
+    /* 1: cut soft intervals have no closed form, so they are inserted as points. 0: ends may exceed 0..1. */
     int points;
-    /* 1: u runs from the texel's first occluder to its last, whose u are the texel's first two components. The
-       functions below see only the components after these, and the remapped u. -1: settings->texel_range decides
-       (Fourier). */
+    /* 1: the first two components are the u of a texel's first and last occluder; functions below get the others and
+       the remapped u. -1: settings->texel_range decides. */
     int range;
-    /* Adds intervals to sums: component k of the vector's texels is at sums + k * stride. NULL: they do not count. */
+    /* Adds intervals to component k at sums + k * stride. */
     void (*insert)(const sps_tmap_settings *settings, float *sums, size_t stride, const spsi_intervals *intervals);
-    /* Turns the sums of one texel (packed) into the stored components, in place. NULL: they are the same. */
+    /* Converts sums to stored components; NULL: identical. */
     void (*finish)(const sps_tmap_settings *settings, float *texel);
-    /* Optical depth before u in 0..1 for a vector of texels. NULL: see `optical_depth`. */
+    /* Optical depth before u in 0..1; NULL: see `optical_depth`. */
     spsi_v (*optical_depths)(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u);
-    /* The same for one texel, where that takes a search or more precision than floats have. NULL: see `optical_depths`.
-     */
+    /* Variant with a search or in double precision; NULL: see `optical_depths`. */
     float (*optical_depth)(const sps_tmap_settings *settings, const float *texel, float u);
-    /* Guaranteed bounds of optical depth. NULL: none known; 0 .. SPSI_DEPTH_MAX is returned. */
+    /* Guaranteed bounds; NULL: 0 .. SPSI_DEPTH_MAX. */
     void (*bracket)(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]);
 } spsi_technique;
 
 /* ---- intervals ---- */
 
-/* The share of an interval that lies before u. An interval without length lies before u entirely if u >= u0, and so
-   does any that ends at u: a query at an occluder's back includes it. Of a whole soft chord it is S(t) = t^2 (3 - 2 t),
-   of the last `soft` of one 1 - S(soft (1 - t)) / S(soft), written without cancellation. */
+/* Fraction of an interval before u; 1 at u1, so that a query at an occluder's back includes it. Soft: S(t) = t^2 (3 - 2
+   t). Cut: 1 - S(soft (1 - t)) / S(soft), without cancellation. */
 static inline float spsi_interval_fraction(const spsi_interval *interval, float u) {
     const float soft = interval->soft;
     if (u < interval->u0) return 0;
@@ -3028,8 +3018,7 @@ static inline float spsi_interval_fraction(const spsi_interval *interval, float 
     return soft > 0 ? t * (6 * (1 - soft) + t * (6 * soft - 3 - 2 * soft * t)) / (3 - 2 * soft) : t;
 }
 
-/* Exact optical depth before u of a list sorted by u0; at u = 1 what lies behind counts, too. Cost: the intervals that
-   begin before u. */
+/* Exact optical depth before u, for a list sorted by u0; u = 1 includes everything. */
 static inline float spsi_intervals_optical_depth(const spsi_interval *list, uint32_t count, float u) {
     double sum = 0;
     for (uint32_t i = 0; i < count && list[i].u0 <= u; ++i)
@@ -3037,7 +3026,7 @@ static inline float spsi_intervals_optical_depth(const spsi_interval *list, uint
     return (float)spsi_dmin(sum, (double)SPSI_DEPTH_MAX);
 }
 
-/* By u0; the rest only makes the order, and with it round-off, independent of the order of insertion. */
+/* Total order, so that round-off does not depend on insertion order. */
 static inline int spsi_interval_less(const spsi_interval *a, const spsi_interval *b) {
     if (a->u0 < b->u0 || a->u0 > b->u0) return a->u0 < b->u0;
     if (a->u1 < b->u1 || a->u1 > b->u1) return a->u1 < b->u1;
@@ -3045,8 +3034,7 @@ static inline int spsi_interval_less(const spsi_interval *a, const spsi_interval
     return a->soft < b->soft;
 }
 
-/* Merges the sorted first `half` of a list with the sorted rest. The part of the first half that comes before all of
-   the rest stays in place, so that a list that is nearly in order costs next to nothing. */
+/* Merges two sorted parts. The ordered start stays in place, so nearly sorted lists are cheap. */
 static void spsi_intervals_merge(spsi_interval *list, size_t half, size_t count, spsi_interval *scratch) {
     size_t to = half, left = 0, right = half, moved;
     while (to > 0 && spsi_interval_less(&list[half], &list[to - 1])) --to;
@@ -3066,10 +3054,9 @@ static void spsi_intervals_insert(spsi_interval *list, size_t count) {
     }
 }
 
-#define SPSI_SORT_SHORT 16 /* number of intervals up to which insertion is faster than merging */
+#define SPSI_SORT_SHORT 16 /* insertion sort is faster up to here */
 
-/* Sorts intervals by where they begin; `scratch` has room for half of them. Merge sort: n log n at worst, n if they are
-   nearly in order. */
+/* Merge sort by u0, scratch for half: n log n, or n if nearly in order. */
 static void spsi_intervals_sort(spsi_interval *list, size_t count, spsi_interval *scratch) {
     const size_t half = count / 2;
     if (count <= SPSI_SORT_SHORT) {
@@ -3081,7 +3068,6 @@ static void spsi_intervals_sort(spsi_interval *list, size_t count, spsi_interval
     spsi_intervals_merge(list, half, count, scratch);
 }
 
-/* spsi_interval_fraction for a vector of intervals. */
 static inline spsi_v spsi_intervals_before(const spsi_intervals *intervals, spsi_v u) {
     const spsi_v one = spsi_set(1), length = spsi_max(spsi_sub(intervals->u1, intervals->u0), spsi_set(1e-30f));
     const float soft = intervals->soft;
@@ -3100,12 +3086,11 @@ static inline spsi_v spsi_intervals_capped(const spsi_intervals *intervals) {
 
 static inline void spsi_accumulate(float *sums, spsi_v more) { spsi_store(sums, spsi_add(spsi_load(sums), more)); }
 
-/* Component k of each of a vector's texels. */
 static inline spsi_v spsi_texels_at(const spsi_texels *texels, spsi_v k) {
     return spsi_lookup(texels->floats, texels->stride, spsi_add(texels->x, k), texels->y);
 }
 
-/* Where the first of a vector's intervals begins and the last one ends, within 0..1. Returns 0 if there are none. */
+/* Range of the intervals within 0..1. Returns 0 if empty. */
 static int spsi_intervals_extent(const spsi_intervals *intervals, float *first, float *last) {
     float u0[SPSI_LANES], u1[SPSI_LANES];
     const spsi_m there = spsi_less(spsi_set(0), intervals->depth);
@@ -3120,19 +3105,15 @@ static int spsi_intervals_extent(const spsi_intervals *intervals, float *first, 
 
 /* ---- curves ---- */
 
-/* Maximum number of nodes of a curve of `count` intervals: a soft one bends it at both ends of its pieces, and there is
-   a jump at either end for those that are cut. Intervals needed to build it: two per piece, one for what lies before or
-   behind, and half as many again for sorting. */
+/* Maximum numbers of nodes and of intervals. */
 #define SPSI_CURVE_NODES(count, pieces)   (((pieces) + 1) * (count) + 2)
 #define SPSI_CURVE_SCRATCH(count, pieces) (3 * ((pieces) + 1) * (count))
 
-#define SPSI_SOFT_DEPTH  8  /* optical depth into a soft interval behind which the rest of it is not cut finely */
-#define SPSI_SOFT_HALVES 20 /* bisection steps that find this depth in a cut interval, to a millionth of its length */
+#define SPSI_SOFT_DEPTH  8  /* optical depth that needs fine pieces */
+#define SPSI_SOFT_HALVES 20 /* bisection steps, to 1e-6 of the length */
 
-/* Number of even pieces of soft intervals with which transmittance is off by at most a quarter of epsilon: the error of
-   a piece of length h is h^2 / 8 times the slope of density, which is 6 d at either end of an interval of depth d;
-   those that overlap add up. Behind SPSI_SOFT_DEPTH light is practically gone, so no more of each interval counts, nor
-   more than twice that of all. */
+/* Number of pieces for an error of T below epsilon / 4. A piece of length h has h^2 / 8 times the slope of density, at
+   most 6 depth; overlaps add up. Light ends at SPSI_SOFT_DEPTH per interval, twice that in all. */
 static int spsi_soft_pieces(const spsi_interval *list, int count, float epsilon) {
     double sum = 0;
     for (int i = 0; i < count; ++i)
@@ -3140,9 +3121,8 @@ static int spsi_soft_pieces(const spsi_interval *list, int count, float epsilon)
     return (int)spsi_dmin(2 + ceil(sqrt(3 * spsi_dmin(sum, 2 * SPSI_SOFT_DEPTH) / (double)epsilon)), SPSI_SOFT_MOST);
 }
 
-/* The place in a soft interval, between `from` and `to`, where light is practically gone: where t^2 = SPSI_SOFT_DEPTH /
-   depth in a whole chord, before which lies more than that depth, as S(t) > t^2; in one that is cut, where twice that
-   depth lies before it, which bisection finds. */
+/* Point of a soft interval where light ends. Whole chord: t^2 = SPSI_SOFT_DEPTH / depth, as S(t) > t^2. Cut: bisection
+   to twice that depth. */
 static float spsi_soft_end(const spsi_interval *interval, float from, float to) {
     const float want = spsi_interval_fraction(interval, from) + 2 * SPSI_SOFT_DEPTH / interval->depth;
     if (!(interval->depth > SPSI_SOFT_DEPTH) || !(spsi_interval_fraction(interval, to) > want)) return to;
@@ -3158,17 +3138,15 @@ static float spsi_soft_end(const spsi_interval *interval, float from, float to) 
     return to;
 }
 
-/* The bends of an interval's curve, built piece by piece: the end of the last piece, and the share of the interval
-   before it. */
+/* Bends of an interval's curve, and its fraction before u. */
 typedef struct spsi_kinks {
     spsi_interval *list;
     int count;
     float depth, u, share;
 } spsi_kinks;
 
-/* Appends an even piece as two bends: one where the last piece ended, which points ahead to its end, and one at its
-   end, which points back, so that depth / (u1 - u0) is the change of slope at either. A piece without length is a
-   single bend, a jump. */
+/* Adds a piece as two bends, ahead from its start and back from its end. depth / (u1 - u0) is the change of slope.
+   Without length it is one bend, a jump. */
 static void spsi_kinks_add(spsi_kinks *bends, float u, float share) {
     const spsi_interval ahead = {bends->u, u, bends->depth * (share - bends->share), 0};
     const spsi_interval back = {u, bends->u, ahead.depth, 0};
@@ -3178,9 +3156,7 @@ static void spsi_kinks_add(spsi_kinks *bends, float u, float share) {
     bends->u = u, bends->share = share;
 }
 
-/* The bends of the part of an interval within 0..1, which is cut into several pieces if soft; the parts before and
-   behind become jumps. All pieces of a deep interval except for the last lie where light still gets to. Returns the
-   number of bends. */
+/* Bends of an interval within 0..1. Soft ones are cut where light remains; parts outside become jumps. */
 static int spsi_curve_kinks(const spsi_interval *interval, int soft_pieces, spsi_interval *list) {
     const float first = spsi_fmax(spsi_fmin(interval->u0, 1), 0), last = spsi_fmax(spsi_fmin(interval->u1, 1), 0);
     const int pieces = interval->soft > 0 && last > first ? soft_pieces : 1;
@@ -3198,8 +3174,7 @@ static int spsi_curve_kinks(const spsi_interval *interval, int soft_pieces, spsi
     return bends.count;
 }
 
-/* A compensated sum, for numbers as far apart as the slopes of thin dense and thick faint gas, some of which are
-   subtracted again. [Neumaier 1974] */
+/* Compensated sum for slopes of different size. [Neumaier 1974] */
 typedef struct spsi_sum {
     double high, low;
 } spsi_sum;
@@ -3210,7 +3185,7 @@ static inline void spsi_sum_add(spsi_sum *sum, double x) {
     sum->high = high;
 }
 
-/* Appends a node unless it is redundant: of more than two at one u, only the outer ones matter. */
+/* Keeps only the first and last node at one u. */
 static int spsi_curve_append(spsi_node *nodes, int count, float u, double depth) {
     const float capped = spsi_fmin((float)depth, SPSI_DEPTH_MAX);
     const int same = count > 0 && !(nodes[count - 1].u < u);
@@ -3221,9 +3196,8 @@ static int spsi_curve_append(spsi_node *nodes, int count, float u, double depth)
     return count + 1;
 }
 
-/* The sum of intervals sorted by u0 as a curve, its ends and bends exact except for round-off. Soft intervals are cut
-   into `pieces`, at least 2. `scratch` has room for SPSI_CURVE_SCRATCH(count, pieces) intervals, `nodes` for
-   SPSI_CURVE_NODES(count, pieces) nodes. Returns the number of nodes, the first of which has depth 0. Cost: n log n. */
+/* Curve of intervals sorted by u0, exact but for round-off; soft ones in at least 2 `pieces`. Returns the number of
+   nodes; the first has depth 0. */
 static int spsi_curve_build(const spsi_interval *sorted, int count, int pieces, spsi_interval *scratch,
                             spsi_node *nodes) {
     int bends = 0, nodes_made = 0, open = 0;
@@ -3247,9 +3221,8 @@ static int spsi_curve_build(const spsi_interval *sorted, int count, int pieces, 
 
 /* ---- turning angles ---- */
 
-/* Cosine and sine of 2 pi u with an error of 2e-7, for |u| < 2^20; for small angles that is the relative error of the
-   sine. u - n / 2 lies within a quarter turn of 0 and is exact; the polynomials interpolate cosine and sine / u at the
-   zeros of a Chebyshev polynomial in u^2. */
+/* cos and sin of 2 pi u, |u| < 2^20, error 2e-7, relative for small sines. u - n / 2 is exact. Polynomials interpolate
+   at Chebyshev nodes. */
 static inline void spsi_cos_sin(spsi_v u, spsi_v *cosine, spsi_v *sine) {
     const spsi_v n = spsi_round(spsi_add(u, u)), half = spsi_mul(n, spsi_set(0.5f));
     const spsi_v r = spsi_sub(u, half), x = spsi_mul(r, r);
@@ -3267,7 +3240,6 @@ static inline void spsi_cos_sin(spsi_v u, spsi_v *cosine, spsi_v *sine) {
     *sine = spsi_mul(sign, spsi_mul(s, r));
 }
 
-/* The next multiple of an angle: (c, s) rotated by (c1, s1). */
 static inline void spsi_rotate(spsi_v *c, spsi_v *s, spsi_v c1, spsi_v s1) {
     const spsi_v turned = spsi_sub(spsi_mul(*c, c1), spsi_mul(*s, s1));
     *s = spsi_fma(*s, c1, spsi_mul(*c, s1));
@@ -3280,7 +3252,7 @@ static inline float spsi_plane(const sps_tmap_settings *settings, int i) {
     return settings->planes ? settings->planes[i] : (float)(i + 1) / (float)settings->components;
 }
 
-/* The first plane that is not before u; the last if all are. Even planes: from one too early on, for round-off. */
+/* First plane at or behind u, or the last. Even planes start one early, for round-off. */
 static int spsi_plane_from(const sps_tmap_settings *settings, float u) {
     const int last = settings->components - 1;
     int i = settings->planes ? 0 : spsi_imax((int)(u * (float)settings->components) - 1, 0);
@@ -3288,19 +3260,19 @@ static int spsi_plane_from(const sps_tmap_settings *settings, float u) {
     return spsi_imin(i, last);
 }
 
-/* Adds to each plane its increment over the plane before, so that planes behind an interval need not be visited. */
+/* Adds increments between planes, so planes behind are not touched. */
 static void spsi_opacity_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
                                 const spsi_intervals *intervals) {
     const spsi_v depth = spsi_intervals_capped(intervals);
     spsi_v before = spsi_set(0);
     float first, end;
-    if (settings->components == 1) spsi_accumulate(sums, depth); /* all lies before the only plane */
+    if (settings->components == 1) spsi_accumulate(sums, depth); /* all before the only plane */
     if (settings->components == 1 || !spsi_intervals_extent(intervals, &first, &end)) return;
     const int last = spsi_plane_from(settings, end);
     for (int i = spsi_plane_from(settings, first); i <= last; ++i) {
-        spsi_v share = spsi_set(1); /* what lies behind 1 counts at the last plane */
+        spsi_v share = spsi_set(1); /* all behind counts at the last plane */
         if (i < settings->components - 1) share = spsi_intervals_before(intervals, spsi_set(spsi_plane(settings, i)));
-        share = spsi_max(share, before); /* round-off must not lower it */
+        share = spsi_max(share, before);
         spsi_accumulate(sums + (size_t)i * stride, spsi_mul(depth, spsi_sub(share, before)));
         before = share;
     }
@@ -3314,7 +3286,7 @@ static void spsi_opacity_finish(const sps_tmap_settings *settings, float *texel)
     }
 }
 
-/* The points of curves through planes, u and optical depth; plane -1 is 0 at u = 0. */
+/* Points of curves through planes; plane -1 is (0, 0). */
 typedef struct spsi_knots {
     spsi_v u, depth;
 } spsi_knots;
@@ -3331,7 +3303,7 @@ static inline spsi_knots spsi_opacity_knots(const sps_tmap_settings *settings, c
     return knots;
 }
 
-/* spsi_plane_from for a vector; for even planes, the same except for round-off. */
+/* Vector spsi_plane_from; even planes differ by round-off. */
 static inline spsi_v spsi_planes_from(const sps_tmap_settings *settings, spsi_v u) {
     const int last = settings->components - 1;
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
@@ -3345,7 +3317,7 @@ static inline spsi_v spsi_planes_from(const sps_tmap_settings *settings, spsi_v 
     return plane;
 }
 
-/* a / b, or 0 where b is 0, as between a knot and its own copy beyond the first or the last plane. */
+/* a / b, or 0 for b = 0: a knot and its copy past an end. */
 static inline spsi_v spsi_ratio(spsi_v a, spsi_v b) {
     const spsi_m some = spsi_less(spsi_set(0), spsi_abs(b));
     return spsi_select(some, spsi_div(a, spsi_select(some, b, spsi_set(1))), spsi_set(0));
@@ -3355,8 +3327,7 @@ static inline spsi_v spsi_secant(const spsi_knots *a, const spsi_knots *b) {
     return spsi_ratio(spsi_sub(b->depth, a->depth), spsi_sub(b->u, a->u));
 }
 
-/* The slope at b of the cubic through increasing points a, b, c: that of their parabola, limited so that nothing
-   overshoots. [Steffen 1990] */
+/* Slope at b of the cubic through rising a, b, c: the parabola's, without overshoot. */
 static inline spsi_v spsi_steffen_inner(const spsi_knots *a, const spsi_knots *b, const spsi_knots *c) {
     const spsi_v before = spsi_secant(a, b), after = spsi_secant(b, c);
     const spsi_v sum = spsi_fma(before, spsi_sub(c->u, b->u), spsi_mul(after, spsi_sub(b->u, a->u)));
@@ -3364,15 +3335,13 @@ static inline spsi_v spsi_steffen_inner(const spsi_knots *a, const spsi_knots *b
     return spsi_mul(spsi_set(2), spsi_min(spsi_min(before, after), spsi_mul(spsi_set(0.5f), parabola)));
 }
 
-/* The slope at the endpoint a of a curve whose next points are b and c. [Steffen 1990] */
 static inline spsi_v spsi_steffen_end(const spsi_knots *a, const spsi_knots *b, const spsi_knots *c) {
     const spsi_v secant = spsi_secant(a, b), part = spsi_ratio(spsi_sub(b->u, a->u), spsi_sub(c->u, a->u));
     const spsi_v slope = spsi_fma(part, spsi_sub(secant, spsi_secant(b, c)), secant);
     return spsi_clamp(slope, spsi_set(0), spsi_add(secant, secant));
 }
 
-/* The monotone cubic between planes i - 1 and i, which are b and c: Hermite form relative to the straight line, so that
-   it is exact for straight lines and at both ends. */
+/* Monotone cubic between planes i - 1 (b) and i (c); exact for lines. */
 static inline spsi_v spsi_opacity_cubic(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v i,
                                         const spsi_knots *b, const spsi_knots *c, spsi_v t) {
     const spsi_v one = spsi_set(1), even = spsi_secant(b, c), rest = spsi_sub(one, t),
@@ -3390,7 +3359,7 @@ static inline spsi_v spsi_opacity_cubic(const sps_tmap_settings *settings, const
     return spsi_clamp(spsi_add(spsi_fma(t, rise, b->depth), bend), b->depth, c->depth);
 }
 
-/* Cost: two lookups, or four if cubic; a comparison with every plane if settings->planes is set. */
+/* Cost: two lookups, four if cubic; settings->planes adds a comparison per plane. */
 static spsi_v spsi_opacity_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
     const spsi_v zero = spsi_set(0), i = spsi_planes_from(settings, u);
     const spsi_knots before = spsi_opacity_knots(settings, texels, spsi_sub(i, spsi_set(1)));
@@ -3402,7 +3371,6 @@ static spsi_v spsi_opacity_optical_depths(const sps_tmap_settings *settings, con
     return spsi_select(spsi_less(zero, u), spsi_select(spsi_less(u, after.u), depth, after.depth), zero);
 }
 
-/* Optical depth never decreases, so the planes around u bound it. */
 static void spsi_opacity_bracket(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]) {
     const int i = spsi_plane_from(settings, u);
     bracket[0] = i > 0 ? texel[i - 1] : 0;
@@ -3411,9 +3379,8 @@ static void spsi_opacity_bracket(const sps_tmap_settings *settings, const float 
 
 /* ---- Fourier series ---- */
 
-/* The mean of cos(2 pi k (u - m)) over an interval with middle m and half length h, where x = 2 pi k h has cosine c and
-   sine s: sin x / x for a uniform one, 3 (sin x - x cos x) / x^3 for a soft one, which cancels for small x; its series,
-   cut after x^10, is as accurate up to 2. */
+/* Mean of cos(2 pi k (u - m)) around the middle m; x = 2 pi k h, half length h. Uniform: sin x / x. Soft: 3 (sin x - x
+   cos x) / x^3; below 2 its series to x^10, against cancellation. */
 static inline spsi_v spsi_fourier_spread(spsi_v x, spsi_v c, spsi_v s, float soft) {
     const spsi_v one = spsi_set(1), safe = spsi_max(x, spsi_set(1e-6f)), square = spsi_mul(x, x);
     if (!(soft > 0)) return spsi_select(spsi_less(x, spsi_set(1e-6f)), one, spsi_div(s, safe));
@@ -3427,7 +3394,7 @@ static inline spsi_v spsi_fourier_spread(spsi_v x, spsi_v c, spsi_v s, float sof
     return spsi_select(spsi_less(x, spsi_set(2)), series, closed);
 }
 
-/* a_k += 2 t cos(2 pi k m) spread_k, b_k likewise with the sine. */
+/* a_k += 2 t cos(2 pi k m) spread_k, b_k with the sine. */
 static void spsi_fourier_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
                                 const spsi_intervals *intervals) {
     const spsi_v middle = spsi_mul(spsi_set(0.5f), spsi_add(intervals->u0, intervals->u1));
@@ -3448,8 +3415,7 @@ static void spsi_fourier_insert(const sps_tmap_settings *settings, float *sums, 
     }
 }
 
-/* The sum of a0 u / 2 and, for each harmonic k, (a_k sin(2 pi k u) + b_k (1 - cos(2 pi k u))) / (2 pi k) [Jansen &
-   Bavoil 2010], clamped to 0 .. the total. */
+/* Sum of a0 u / 2 and (a_k sin(2 pi k u) + b_k (1 - cos(2 pi k u))) / (2 pi k). */
 static spsi_v spsi_fourier_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
     const spsi_v half = spsi_mul(spsi_set(0.5f), spsi_texels_at(texels, spsi_set(0)));
     spsi_v cosine, sine, c, s, sum = spsi_mul(half, u);
@@ -3467,21 +3433,20 @@ static spsi_v spsi_fourier_optical_depths(const sps_tmap_settings *settings, con
 
 /* ---- curves for fits, piece by piece ---- */
 
-/* A straight piece of a curve, of optical depths t0 to t1; u0 = u1 is a jump. */
+/* Optical depths t0 to t1; u0 = u1 is a jump. */
 typedef struct spsi_piece {
     double u0, u1, t0, t1;
 } spsi_piece;
 
-/* -log T: 0 for T above 1, SPSI_DEPTH_MAX for T = 0 or less. */
+/* -log T, clamped to 0 .. SPSI_DEPTH_MAX. */
 static inline float spsi_optical_depth_of(double transmittance) {
     if (!(transmittance > 0)) return SPSI_DEPTH_MAX;
     return (float)(transmittance < 1 ? 0 - log(transmittance) : 0);
 }
 
-/* Transmittance of a polyline with nodes (u, T): 1 before the first, the last T after the last, the later one if two
-   share one u. Cost: a binary search. */
+/* T of a polyline: 1 before the first node, constant after the last, the later node at a jump. */
 static double spsi_nodes_transmittance(const spsi_node *nodes, uint32_t count, float u) {
-    uint32_t low = 0, high = count; /* the first node behind u */
+    uint32_t low = 0, high = count; /* first node behind u */
     while (low < high) {
         const uint32_t middle = low + (high - low) / 2;
         if (nodes[middle].u <= u)
@@ -3497,17 +3462,15 @@ static double spsi_nodes_transmittance(const spsi_node *nodes, uint32_t count, f
 
 /* ---- transmittance as a polyline ---- */
 
-/* Cuts a piece so that straight lines of T between the cuts stay within step^2 of the exponential: in even steps of
-   sqrt(T). Where T falls from a^2 to b^2, the line is at most (a - b)^2 above the exponential: half of that for small
-   steps, all of it if b is 0. */
+/* Cuts a piece in even steps of sqrt(T), to keep chords of T within step^2 above the exponential. From a^2 to b^2 the
+   error is at most (a - b)^2, half for small steps. */
 typedef struct spsi_cuts {
     spsi_piece piece;
-    float u;             /* of the last cut */
-    double through, end; /* T at the last cut, and at the end of the piece */
+    float u;             /* last cut */
+    double through, end; /* T at the last cut, at the piece's end */
 } spsi_cuts;
 
-/* Goes on to the piece that ends at node i of a curve, the first being a jump from 0; T continues from the end of the
-   piece before, 1 at first. */
+/* Starts the piece that ends at node i; the first is a jump from 0. */
 static void spsi_cuts_piece(spsi_cuts *cuts, const spsi_node *curve, int i) {
     const float depth = spsi_fmin(curve[i].value, SPSI_DEPTH_MAX), before = i > 0 ? curve[i - 1].value : 0;
     const double u1 = (double)curve[i].u, u0 = i > 0 ? (double)curve[i - 1].u : u1;
@@ -3518,8 +3481,7 @@ static void spsi_cuts_piece(spsi_cuts *cuts, const spsi_node *curve, int i) {
     cuts->end = exp(-cuts->piece.t1);
 }
 
-/* Goes on to the next cut; returns 0 at the last, which is the end of the piece. Cuts are rounded down to floats, but
-   advance by at least one: between neighbouring floats there is no u to query. */
+/* Returns 0 at the piece's end. Cuts round down, but advance by at least one float. */
 static int spsi_cuts_next(spsi_cuts *cuts, double step) {
     const spsi_piece *piece = &cuts->piece;
     const double length = piece->u1 - piece->u0, more = piece->t1 - piece->t0, root = sqrt(cuts->through) - step;
@@ -3536,14 +3498,12 @@ static int spsi_cuts_next(spsi_cuts *cuts, double step) {
     return cut < end;
 }
 
-/* A deep shadow map under construction: its nodes, and the range of slopes of a line from the last node that has stayed
-   within the error so far. */
 typedef struct spsi_compressor {
     spsi_node *out;
     int count;
-    double low, high;            /* range of slopes */
-    double below, above;         /* maximum distance of a line from a cut of the curve */
-    double last_u, last_through; /* the last cut that the slopes satisfy */
+    double low, high;            /* slopes from the last node that keep within the error */
+    double below, above;         /* maximum distance from a cut */
+    double last_u, last_through; /* last cut that the slopes satisfy */
 } spsi_compressor;
 
 static void spsi_compressor_node(spsi_compressor *c, double u, double through) {
@@ -3553,7 +3513,7 @@ static void spsi_compressor_node(spsi_compressor *c, double u, double through) {
     c->high = 0; /* T never rises */
 }
 
-/* Ends the line at the last cut, as close to the curve as its slopes allow. */
+/* Ends the line at the last cut, as near as slopes allow. */
 static void spsi_compressor_end(spsi_compressor *c) {
     const spsi_node *from = &c->out[c->count - 1];
     const double length = c->last_u - (double)from->u, start = (double)from->value;
@@ -3562,7 +3522,7 @@ static void spsi_compressor_end(spsi_compressor *c) {
     spsi_compressor_node(c, c->last_u, spsi_dmax(start + slope * length, 0));
 }
 
-/* Narrows the slopes to those that satisfy a cut. Returns 0, and leaves them unchanged, if there are none. */
+/* Returns 0, with slopes unchanged, if none satisfy the cut. */
 static int spsi_compressor_allows(spsi_compressor *c, double u, double through) {
     const spsi_node *from = &c->out[c->count - 1];
     const double length = u - (double)from->u, start = (double)from->value;
@@ -3584,21 +3544,18 @@ static void spsi_compressor_take(spsi_compressor *c, double u, double through) {
     c->last_through = through;
 }
 
-#define SPSI_EPSILON_MIN 1e-6f /* minimum error: nodes are floats, accurate to 6e-8 */
+#define SPSI_EPSILON_MIN 1e-6f /* floats are accurate to 6e-8 */
 
 static double spsi_compress_step(float epsilon) { return sqrt(0.25 * (double)spsi_fmax(epsilon, SPSI_EPSILON_MIN)); }
 
-/* Maximum number of nodes that a curve of `count` nodes is compressed to: two for each cut. There are fewer than
-   1 / step steps of sqrt(T), each of which rounding may turn into two cuts. */
+/* Maximum number of nodes, two per cut. Steps of sqrt(T) number under 1 / step; rounding may double them. */
 SPSI_COLD int spsi_compressed_most(int count, float epsilon) {
     return 2 + 2 * count + (int)(4 / spsi_compress_step(epsilon));
 }
 
-/* Deep shadow map: straight lines of T, in out[i].value, from T = 1 at the curve's first node to its last. They never
-   rise, and are nowhere, including between nodes, more than epsilon (at least 1e-6) off. Lines are as long as a greedy
-   search without backtracking makes them [Lokovic & Veach 2000]. A quarter of epsilon is for the error between cuts of
-   the curve, which is always upwards, as lines lie above exponentials; 1.2e-7 is for round-off. `out` has room for
-   spsi_compressed_most(count, epsilon) nodes. Returns the number of nodes. Cost: linear in the number of cuts. */
+/* Deep shadow map: falling lines of T, everywhere within epsilon (at least 1e-6), by greedy search. A quarter of
+   epsilon is for cuts, 1.2e-7 for round-off. `out` has room for spsi_compressed_most(count, epsilon). Cost: linear in
+   cuts. */
 static int spsi_curve_compress(const spsi_node *curve, int count, float epsilon, spsi_node *out) {
     const double error = (double)spsi_fmax(epsilon, SPSI_EPSILON_MIN), step = spsi_compress_step(epsilon);
     spsi_compressor c = {out, 0, 0, 0, error - 1.2e-7, error - step * step - 1.2e-7, 0, 1};
@@ -3618,18 +3575,17 @@ static int spsi_curve_compress(const spsi_node *curve, int count, float epsilon,
     return c.count;
 }
 
-#define SPSI_THIN_EPSILON (1.0f / 1024) /* usual error of the line whose nodes are removed */
+#define SPSI_THIN_EPSILON (1.0f / 1024) /* default, before thinning */
 
-/* Twice the change of the area below the curve if an inner node is removed. */
+/* Twice the area change if a node is removed. */
 static inline double spsi_node_cost(const spsi_node *node) {
     const spsi_node *a = node - 1, *c = node + 1;
     return fabs(((double)node->u - (double)a->u) * ((double)c->value - (double)a->value) -
                 ((double)c->u - (double)a->u) * ((double)node->value - (double)a->value));
 }
 
-/* Makes the last node of a compressed curve exact: the total transmittance. Then the node whose removal changes the
-   area least is removed until `most` are left, whose number is returned. [Salvi et al. 2010 do so during insertion,
-   with few nodes known at a time: with 4 nodes the error is twice as large.] */
+/* Makes the last T exact, then removes nodes of least area down to `most`. Thinning during insertion [Salvi et al.
+   2010] doubles the error with 4 nodes. */
 static int spsi_nodes_thin(spsi_node *line, int count, int most, float total) {
     const float last = (float)exp(-(double)spsi_fmin(total, SPSI_DEPTH_MAX));
     for (int i = count - 1; i >= 0 && (i == count - 1 || line[i].value < last); --i) line[i].value = last;
@@ -3649,13 +3605,13 @@ static int spsi_nodes_thin(spsi_node *line, int count, int most, float total) {
 
 #define SPSI_MOMENTS_MAX 6
 
-/* Binomial coefficients, 2 j of k. */
+/* k choose 2 j. */
 static const float spsi_moment_choose[SPSI_MOMENTS_MAX + 1][SPSI_MOMENTS_MAX / 2 + 1] = {
     {1, 0, 0, 0}, {1, 0, 0, 0}, {1, 1, 0, 0}, {1, 3, 0, 0}, {1, 6, 1, 0}, {1, 10, 5, 0}, {1, 15, 15, 1},
 };
 
-/* Sums of t E z^k, z = 2 u - 1: z = m + h s around the interval's middle, where odd powers of s have mean 0, and even
-   powers 1 / (2 j + 1) in a uniform interval, 3 / ((2 j + 1) (2 j + 3)) in a soft one. */
+/* Adds t E z^k, z = 2 u - 1 = m + h s. Odd powers of s vanish. Even means: 1 / (2 j + 1), soft 3 / ((2 j + 1) (2 j +
+   3)). */
 static void spsi_moment_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
                                const spsi_intervals *intervals) {
     const spsi_v m = spsi_sub(spsi_add(intervals->u0, intervals->u1), spsi_set(1));
@@ -3664,7 +3620,7 @@ static void spsi_moment_insert(const sps_tmap_settings *settings, float *sums, s
     spsi_v powers[SPSI_MOMENTS_MAX + 1], spread[SPSI_MOMENTS_MAX / 2 + 1];
     powers[0] = spread[0] = spsi_set(1);
     for (int k = 1; k < settings->components; ++k) powers[k] = spsi_mul(powers[k - 1], m);
-    for (int j = 1; 2 * j < settings->components; ++j) { /* from each mean to the next */
+    for (int j = 1; 2 * j < settings->components; ++j) { /* ratio of successive means */
         const float ratio =
             intervals->soft > 0 ? (float)(2 * j - 1) / (float)(2 * j + 3) : (float)(2 * j - 1) / (float)(2 * j + 1);
         spread[j] = spsi_mul(spread[j - 1], spsi_mul(square, spsi_set(ratio)));
@@ -3684,13 +3640,13 @@ static void spsi_moment_finish(const sps_tmap_settings *settings, float *texel) 
     texel[0] = spsi_fmin(texel[0], SPSI_DEPTH_MAX);
 }
 
-/* The moments of a distribution as the Cholesky factor of its Hankel matrix, H_ij = b_(i+j), i, j = 0 .. size - 1. */
+/* Cholesky factor of the Hankel matrix of moments, H_ij = b_(i+j), i, j < size. */
 typedef struct spsi_hankel {
     int size;
-    double factor[SPSI_MOMENTS_MAX / 2 + 1][SPSI_MOMENTS_MAX / 2 + 1]; /* lower left; H = factor * its transpose */
+    double factor[SPSI_MOMENTS_MAX / 2 + 1][SPSI_MOMENTS_MAX / 2 + 1]; /* lower left */
 } spsi_hankel;
 
-/* Cholesky factorisation. Returns 0 if b are not the moments of at least `size` points. */
+/* Returns 0 unless b are moments of at least `size` points. */
 SPSI_COLD int spsi_hankel_factor(spsi_hankel *hankel, const double *b) {
     for (int i = 0; i < hankel->size; ++i)
         for (int j = 0; j <= i; ++j) {
@@ -3702,9 +3658,8 @@ SPSI_COLD int spsi_hankel_factor(spsi_hankel *hankel, const double *b) {
     return 1;
 }
 
-/* A texel's moments, biased by a share of those of a wide distribution, so that round-off cannot make them invalid, or
-   those of too few points; by a larger share if that is not enough. The distributions are those of [Muenstermann et al.
-   2018], for the same reason: their matrices are far from singular. Returns the share. */
+/* Biases moments towards a wide distribution, far from singular, so that round-off or too few points are harmless.
+   Returns the bias, raised if necessary. */
 SPSI_COLD double spsi_hankel_build(spsi_hankel *hankel, const float *texel, int components, double share) {
     static const double wide[2][SPSI_MOMENTS_MAX / 2] = {{0.375, 0.375}, {0.48, 0.451, 0.45}};
     double b[SPSI_MOMENTS_MAX + 1];
@@ -3719,8 +3674,8 @@ SPSI_COLD double spsi_hankel_build(spsi_hankel *hankel, const float *texel, int 
     }
 }
 
-/* The orthonormal polynomials at x: factor^-1 (1, x, x^2 ..). Returns the sum of their squares, whose reciprocal is the
-   maximum mass at x. */
+/* Orthonormal polynomials at x: factor^-1 (1, x, x^2 ..). Returns the sum of squares; its reciprocal is the maximum
+   mass at x. */
 SPSI_COLD double spsi_hankel_solve(const spsi_hankel *hankel, double x, double *values) {
     double power = 1, squares = 0;
     for (int i = 0; i < hankel->size; ++i, power *= x) {
@@ -3732,10 +3687,9 @@ SPSI_COLD double spsi_hankel_solve(const spsi_hankel *hankel, double x, double *
     return squares;
 }
 
-#define SPSI_ROOT_REACH 1000 /* beyond, points hold less than 1e-12, as the moments are at most 1 */
+#define SPSI_ROOT_REACH 1000 /* others weigh under 1e-12, as moments are at most 1 */
 
-/* The roots of a parabola within SPSI_ROOT_REACH, without cancellation: the larger one first, the other from their
-   product. A double root has even order and does not count. Returns their number. */
+/* Roots within SPSI_ROOT_REACH, larger first, without cancellation. Double roots do not count. */
 SPSI_COLD int spsi_parabola_roots(double a, double b, double c, double *roots) {
     const double square = b * b - 4 * a * c, q = -0.5 * (b + (b < 0 ? -1 : 1) * sqrt(spsi_dmax(square, 0)));
     const double both[2] = {fabs(a) > 0 ? q / a : HUGE_VAL, fabs(q) > 0 ? c / q : HUGE_VAL};
@@ -3745,9 +3699,8 @@ SPSI_COLD int spsi_parabola_roots(double a, double b, double c, double *roots) {
     return count;
 }
 
-/* Finds the roots of a parabola, or of a cubic all of whose roots are real. A cubic's root farthest out on the side of
-   their mean has a closed form without cancellation [Viete]; no other is more than twice as large, so dividing by it is
-   stable. If all three are 0, `turn` and `rest` are not numbers, and 0 is found once. */
+/* Real roots. The cubic's farthest one on their mean's side has a closed form without cancellation [Viete]. No other is
+   over twice as large, so deflation is stable. If all are 0, `turn` and `rest` are NaN, and 0 is found once. */
 SPSI_COLD int spsi_polynomial_roots(const double *c, int degree, double *roots) {
     double side, a, b, q, turn, root, rest;
     if (degree == 2 || !(fabs(c[3]) > 1e-12 * fabs(c[2]))) return spsi_parabola_roots(c[2], c[1], c[0], roots);
@@ -3761,9 +3714,8 @@ SPSI_COLD int spsi_polynomial_roots(const double *c, int degree, double *roots) 
     return count;
 }
 
-/* The minimum and maximum share before z of all distributions with these moments: those of the only one that consists
-   of `size` points, of which z is one. With the orthonormal polynomials p_k, the others are the roots of sum p_k(z)
-   p_k(x), and the mass at each is 1 / sum p_k^2 [Akhiezer 1965; Peters & Klein 2015]. */
+/* Bounds of the mass before z, from the one distribution of `size` points including z. The others are roots of sum
+   p_k(z) p_k(x), with masses 1 / sum p_k^2 [Akhiezer 1965]. */
 SPSI_COLD void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bounds[2]) {
     double at[SPSI_MOMENTS_MAX / 2 + 1], c[SPSI_MOMENTS_MAX / 2 + 1], roots[SPSI_MOMENTS_MAX / 2 + 1], before = 0;
     const double here = 1 / spsi_hankel_solve(hankel, z, at);
@@ -3783,8 +3735,8 @@ SPSI_COLD void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bo
     bounds[1] = (before + here) / whole;
 }
 
-/* Biases for 4 and 6 moments in floats [Muenstermann et al. 2018]. Cost: a matrix of 3 or 4 rows, and the roots of a
-   polynomial of degree 2 or 3. At u = 1 the result is exactly the total. */
+/* Biases of [Muenstermann et al. 2018] for floats. Cost: factorising 3 or 4 rows, roots of degree 2 or 3. Exact at u =
+   1. */
 SPSI_COLD float spsi_moment_optical_depth(const sps_tmap_settings *settings, const float *texel, float u) {
     static const double biases[2] = {5e-7, 5e-6};
     spsi_hankel hankel;
@@ -3796,11 +3748,8 @@ SPSI_COLD float spsi_moment_optical_depth(const sps_tmap_settings *settings, con
     return (float)(0.5 * (bounds[0] + bounds[1]) * (double)texel[0]);
 }
 
-/* A mixture of (1 - a) F and a G that has the biased moments is within their bounds, and since G is 0 .. 1, F is
-   within (low - a) / (1 - a) .. high / (1 - a). That also holds for moments that round-off has changed by d of the
-   total, as long as the correction of G that makes up for it, d / a, leaves G's matrix positive: d (matrix size) < a
-   (smallest eigenvalue: 0.199, 0.0137). These biases allow for 2e-6, the round-off of a thousand sums and more.
-   The result of spsi_moment_optical_depth, which is less biased, is included. */
+/* With G in 0..1, bounds of (1 - a) F + a G put F within (low - a) / (1 - a) .. high / (1 - a). Round-off d is covered
+   if d (matrix size) < a (smallest eigenvalue: 0.199, 0.0137): 2e-6, a thousand sums. */
 static void spsi_moment_bracket(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]) {
     static const double biases[2] = {3e-5, 6e-4};
     const double whole = (double)texel[0], answer = (double)spsi_moment_optical_depth(settings, texel, u);
@@ -3814,7 +3763,7 @@ static void spsi_moment_bracket(const sps_tmap_settings *settings, const float *
     bracket[1] = (float)(share < 1 ? spsi_dmax(spsi_dmin(bounds[1] / (1 - share), 1) * whole, answer) : whole);
 }
 
-/* By sps_tmap_technique; the default is resolved before (spsi_settings_resolve). */
+/* Indexed by sps_tmap_technique. */
 static const spsi_technique spsi_techniques[] = {
     {"no map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL},
     {"a deep map", 0, 0, 0, 0, sizeof(spsi_interval), 0, 0, NULL, NULL, NULL, NULL, NULL},
@@ -3832,8 +3781,6 @@ static const spsi_technique spsi_techniques[] = {
     {"a depth map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL},
 };
 
-/* Settings with SPS_TMAP_DEFAULT replaced by the technique that it stands for, and without planes that are not meant
-   for theirs. */
 SPSI_COLD sps_tmap_settings spsi_settings_resolve(const sps_tmap_settings *settings, int of_light) {
     sps_tmap_settings resolved = *settings;
     if (settings->technique == SPS_TMAP_DEFAULT) {
@@ -3844,24 +3791,23 @@ SPSI_COLD sps_tmap_settings spsi_settings_resolve(const sps_tmap_settings *setti
     return resolved;
 }
 
-/* 1: texels begin with the u of their first and their last occluder. */
+/* 1: texels start with the u of their first and last occluder. */
 SPSI_COLD int spsi_settings_have_range(const sps_tmap_settings *settings) {
     const int range = spsi_techniques[settings->technique].range;
     return range > 0 || (range < 0 && settings->texel_range);
 }
 
-/* The minimum number of components that settings allow, including the range. */
+/* Minimum components, range included. */
 SPSI_COLD int spsi_components_least(const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     return technique->least + (technique->range < 0 ? 2 * spsi_settings_have_range(settings) : 0);
 }
 
-/* The number of planes that the caller has set, which come with a number of components. */
+/* Number of planes set by the caller. */
 SPSI_COLD int spsi_settings_planes(const sps_tmap_settings *settings) {
     return settings->planes ? settings->components - 2 * spsi_settings_have_range(settings) : 0;
 }
 
-/* The number of components: that of the settings, or the technique's default. */
 SPSI_COLD int spsi_components_of(const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     if (settings->components > 0) return settings->components;

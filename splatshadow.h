@@ -1729,100 +1729,99 @@ static int spsi_bit_count(uint64_t mask) {
 }
 
 /* =============================================================================================== >>memory
-   4  The context, its one allocator, its one error path, and the distribution of work. Memory lives in numbered buffers
-   that keep their largest size from call to call. */
+   4  The context: allocator, errors, task scheduling. Numbered buffers keep their largest size from call to call. */
 
 typedef enum spsi_buffer_id {
-    SPSI_BUFFER_FRAME,        /* the checked scene, >>scene */
-    SPSI_BUFFER_CONTENT,      /* what is read from the scene, >>scene */
-    SPSI_BUFFER_TABLES,       /* transfer functions */
-    SPSI_BUFFER_MESHES,       /* resolved meshes */
-    SPSI_BUFFER_LIGHTS,       /* resolved lights */
-    SPSI_BUFFER_LIGHT_POINTS, /* points that stand for extended lights */
-    SPSI_BUFFER_LIGHT_PLANES, /* of the opacity maps of lights */
-    SPSI_BUFFER_IMAGES,       /* that lights throw, >>projectors */
-    SPSI_BUFFER_BLOCKS,       /* blocks of voxels that are being read, >>gather; a batch of triangles, >>polygons */
+    SPSI_BUFFER_FRAME,   /* >>scene */
+    SPSI_BUFFER_CONTENT, /* >>scene */
+    SPSI_BUFFER_TABLES,
+    SPSI_BUFFER_MESHES,
+    SPSI_BUFFER_LIGHTS,
+    SPSI_BUFFER_LIGHT_POINTS, /* sample points of area lights */
+    SPSI_BUFFER_LIGHT_PLANES, /* planes of lights' opacity maps */
+    SPSI_BUFFER_IMAGES,       /* >>projectors */
+    SPSI_BUFFER_BLOCKS,       /* voxels, >>gather, or triangles, >>polygons, being read */
     SPSI_BUFFER_BRICKS,
-    SPSI_BUFFER_BRICK_FINGERPRINTS, /* fingerprints of the bricks, for shadow tables */
-    SPSI_BUFFER_SEGMENTS,           /* the list of voxel segments */
-    SPSI_BUFFER_PYRAMIDS,           /* weights of taps, and what is known of each field, >>sampler */
-    SPSI_BUFFER_PYRAMID_GRIDS,      /* where their bricks are */
-    SPSI_BUFFER_PYRAMID_VALUES,     /* of their bricks */
-    SPSI_BUFFER_LEVEL_GRIDS,        /* the same of their coarser levels */
+    SPSI_BUFFER_BRICK_FINGERPRINTS, /* hashes for shadow tables */
+    SPSI_BUFFER_SEGMENTS,
+    SPSI_BUFFER_PYRAMIDS, /* >>sampler */
+    SPSI_BUFFER_PYRAMID_GRIDS,
+    SPSI_BUFFER_PYRAMID_VALUES,
+    SPSI_BUFFER_LEVEL_GRIDS, /* coarser mip levels */
     SPSI_BUFFER_LEVEL_VALUES,
-    SPSI_BUFFER_THIRDS,    /* how much fields bend, >>sampler */
-    SPSI_BUFFER_EYE_SPENT, /* of a tolerance, >>targets */
+    SPSI_BUFFER_THIRDS,    /* bounds of third differences, >>sampler */
+    SPSI_BUFFER_EYE_SPENT, /* used tolerance, >>targets */
     SPSI_BUFFER_LIGHT_SPENT,
-    SPSI_BUFFER_FACES,         /* triangles, >>polygons */
-    SPSI_BUFFER_FACE_ROWS,     /* the rows that each triangle covers */
-    SPSI_BUFFER_FACE_ORDER,    /* the order of the triangles in their tree, >>trees */
-    SPSI_BUFFER_FACE_NODES,    /* the nodes of the triangles' tree */
-    SPSI_BUFFER_TREE_ITEMS,    /* items of any tree that is being built */
-    SPSI_BUFFER_FACE_TEXTURES, /* texture coordinates of triangles that need them */
-    SPSI_BUFFER_MESH_FACES,    /* which triangles belong to each mesh */
-    SPSI_BUFFER_EYE_FACES,     /* the triangle visible at each pixel */
-    SPSI_BUFFER_LAYER_SAMPLES, /* a band of samples per worker, >>layers */
-    SPSI_BUFFER_LAYER_STARTS,  /* where each pixel's layers begin */
-    SPSI_BUFFER_FRAGMENTS,     /* of all pixels */
-    SPSI_BUFFER_LAYERS,        /* of all pixels */
-    SPSI_BUFFER_SURFACES,      /* what shade_fn has set at each pixel of the region, and at each layer */
-    SPSI_BUFFER_SURFACE_BATCH, /* points for one call of shade_fn */
-    SPSI_BUFFER_SHADOWS,       /* of a sweep's lights, >>shading */
-    SPSI_BUFFER_ARRIVALS,      /* light that arrives at a vector of pixels, per worker */
-    SPSI_BUFFER_SURFACE_LIGHT, /* per light of a sweep: the pixels whose polygons see it */
-    SPSI_BUFFER_RECEIVED,      /* what pixels' polygons receive from cells and by flights */
-    SPSI_BUFFER_RECEIVE_TILES, /* a tile of them per worker */
+    SPSI_BUFFER_FACES, /* >>polygons */
+    SPSI_BUFFER_FACE_ROWS,
+    SPSI_BUFFER_FACE_ORDER,
+    SPSI_BUFFER_FACE_NODES,
+    SPSI_BUFFER_TREE_ITEMS,
+    SPSI_BUFFER_FACE_TEXTURES,
+    SPSI_BUFFER_MESH_FACES,
+    SPSI_BUFFER_EYE_FACES,     /* visible triangle per pixel */
+    SPSI_BUFFER_LAYER_SAMPLES, /* >>layers */
+    SPSI_BUFFER_LAYER_STARTS,
+    SPSI_BUFFER_FRAGMENTS,
+    SPSI_BUFFER_LAYERS,
+    SPSI_BUFFER_SURFACES, /* shade_fn's results */
+    SPSI_BUFFER_SURFACE_BATCH,
+    SPSI_BUFFER_SHADOWS,       /* >>shading */
+    SPSI_BUFFER_ARRIVALS,      /* incident light, per worker */
+    SPSI_BUFFER_SURFACE_LIGHT, /* visibility of lights */
+    SPSI_BUFFER_RECEIVED,      /* indirect light at pixels */
+    SPSI_BUFFER_RECEIVE_TILES,
     SPSI_BUFFER_DEPTH_MAPS,
-    SPSI_BUFFER_TRANSLUCENCY_MAPS,   /* of translucent polygons, >>depthmaps */
-    SPSI_BUFFER_TRANSLUCENCY_TEXELS, /* where each texel's panes begin */
-    SPSI_BUFFER_PANES,               /* of all texels */
-    SPSI_BUFFER_PIXELS,              /* optical depth and radiance, >>shading */
-    SPSI_BUFFER_PLANES,              /* a light's optical depth at the slabs of a chunk, >>lightsheets */
-    SPSI_BUFFER_BEAMS,               /* light from the points of an extended light, >>penumbrae */
-    SPSI_BUFFER_PENUMBRA,            /* their texels, and a chunk of sheets */
-    SPSI_BUFFER_SHEETS,              /* a tile of sheets per worker */
-    SPSI_BUFFER_SAMPLES,             /* samples of the volumes at a vector of pixels, per worker, >>shading */
-    SPSI_BUFFER_PARTICLES,           /* >>gather */
-    SPSI_BUFFER_BRICK_QUEUE,         /* bricks by the chunks that they touch, >>targets */
-    SPSI_BUFFER_PARTICLE_QUEUE,      /* particles by the chunks that they touch */
-    SPSI_BUFFER_BRICK_BOXES,         /* pixels that bricks touch, for the eye or a map */
-    SPSI_BUFFER_BRICK_LIGHT_BOXES,   /* texels that bricks touch, for a light */
-    SPSI_BUFFER_EYE_SPHERES,         /* the particles of one chunk as the eye sees them, by tile */
-    SPSI_BUFFER_LIGHT_SPHERES,       /* the particles of one chunk as a light sees them, by tile */
-    SPSI_BUFFER_TILES,               /* state of each tile */
-    SPSI_BUFFER_BOUND_GRID,          /* bounds of extinction, >>gather */
-    SPSI_BUFFER_FORWARD,             /* what gases scatter forward, >>scattering */
-    SPSI_BUFFER_CELL_GRID,           /* the grid of cells, >>cells */
-    SPSI_BUFFER_CELL_JOB,            /* data for filling and lighting it, >>lighting */
-    SPSI_BUFFER_CELLS,               /* what its cells hold, and the light that reaches them */
-    SPSI_BUFFER_CELL_TMAPS,          /* lights' tables for them */
-    SPSI_BUFFER_CELL_SOLVER,         /* levels of cells, and radiance */
-    SPSI_BUFFER_CELL_BLOCKERS,       /* polygons about the cells */
-    SPSI_BUFFER_CELL_MOMENTS,        /* the light in the cells, and what the eye sees of it */
-    SPSI_BUFFER_FLIGHTS,             /* the tree of emitters, >>flights */
+    SPSI_BUFFER_TRANSLUCENCY_MAPS, /* >>depthmaps */
+    SPSI_BUFFER_TRANSLUCENCY_TEXELS,
+    SPSI_BUFFER_PANES,
+    SPSI_BUFFER_PIXELS,   /* optical depth and radiance, >>shading */
+    SPSI_BUFFER_PLANES,   /* >>lightsheets */
+    SPSI_BUFFER_BEAMS,    /* >>penumbrae */
+    SPSI_BUFFER_PENUMBRA, /* beam texels, a chunk of sheets */
+    SPSI_BUFFER_SHEETS,
+    SPSI_BUFFER_SAMPLES,     /* volume samples, per worker */
+    SPSI_BUFFER_PARTICLES,   /* >>gather */
+    SPSI_BUFFER_BRICK_QUEUE, /* bricks by chunk, >>targets */
+    SPSI_BUFFER_PARTICLE_QUEUE,
+    SPSI_BUFFER_BRICK_BOXES,
+    SPSI_BUFFER_BRICK_LIGHT_BOXES,
+    SPSI_BUFFER_EYE_SPHERES,
+    SPSI_BUFFER_LIGHT_SPHERES,
+    SPSI_BUFFER_TILES,
+    SPSI_BUFFER_BOUND_GRID, /* extinction bounds, >>gather */
+    SPSI_BUFFER_FORWARD,    /* >>scattering */
+    SPSI_BUFFER_CELL_GRID,  /* >>cells */
+    SPSI_BUFFER_CELL_JOB,   /* >>lighting */
+    SPSI_BUFFER_CELLS,      /* contents, incident light */
+    SPSI_BUFFER_CELL_TMAPS,
+    SPSI_BUFFER_CELL_SOLVER,
+    SPSI_BUFFER_CELL_BLOCKERS,
+    SPSI_BUFFER_CELL_MOMENTS, /* light, and radiance toward the eye */
+    SPSI_BUFFER_FLIGHTS,      /* >>flights */
     SPSI_BUFFER_EMITTERS,
-    SPSI_BUFFER_FLIGHT_NODES,  /* sums of its nodes */
-    SPSI_BUFFER_FLIGHT_ORDER,  /* the order of the emitters in it */
-    SPSI_BUFFER_FLIGHT_TREE,   /* its boxes, while it is being built */
-    SPSI_BUFFER_RUN,           /* data shared by the tasks of a sweep */
-    SPSI_BUFFER_TMAP_VOLUMES,  /* data for splatting volumes into a map, >>tmaps */
-    SPSI_BUFFER_LIGHT_TMAPS,   /* lights' transmittance maps */
-    SPSI_BUFFER_SHADOW_TABLES, /* shadow tables of the last call */
-    SPSI_BUFFER_TOTAL,         /* sum of the sweeps' images */
-    SPSI_BUFFER_ROW,           /* directions and colors of one row of background */
-    SPSI_BUFFER_MARCHER,       /* >>reference */
-    SPSI_BUFFER_EMISSION,      /* what emits, for paths */
-    SPSI_BUFFER_WALKERS,       /* the reference's rays, one per pixel */
+    SPSI_BUFFER_FLIGHT_NODES,
+    SPSI_BUFFER_FLIGHT_ORDER,
+    SPSI_BUFFER_FLIGHT_TREE,
+    SPSI_BUFFER_RUN,          /* shared by a sweep's tasks */
+    SPSI_BUFFER_TMAP_VOLUMES, /* >>tmaps */
+    SPSI_BUFFER_LIGHT_TMAPS,
+    SPSI_BUFFER_SHADOW_TABLES,
+    SPSI_BUFFER_TOTAL,
+    SPSI_BUFFER_ROW,      /* background directions, colors */
+    SPSI_BUFFER_MARCHER,  /* >>reference */
+    SPSI_BUFFER_EMISSION, /* emitters of paths */
+    SPSI_BUFFER_WALKERS,
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
     SPSI_BUFFER_REFERENCE_PARTICLE_NODES,
-    SPSI_BUFFER_SPHERE_ORDER,  /* particles of a map in order of depth */
-    SPSI_BUFFER_SPHERES,       /* particles as a map's rays see them, >>tmaps */
-    SPSI_BUFFER_SPHERE_STARTS, /* where each tile's particles begin in the list */
-    SPSI_BUFFER_SPHERE_LIST,   /* the particles of all tiles */
-    SPSI_BUFFER_BAND,          /* sums or intervals of a band of tiles of a map */
-    SPSI_BUFFER_CURSORS,       /* where each texel's intervals begin */
-    SPSI_BUFFER_CURVES,        /* per worker, the data that a texel of a map is made from */
+    SPSI_BUFFER_SPHERE_ORDER, /* sorted front to back */
+    SPSI_BUFFER_SPHERES,      /* in a map's ray space, >>tmaps */
+    SPSI_BUFFER_SPHERE_STARTS,
+    SPSI_BUFFER_SPHERE_LIST,
+    SPSI_BUFFER_BAND,
+    SPSI_BUFFER_CURSORS,
+    SPSI_BUFFER_CURVES, /* scratch per worker */
     SPSI_BUFFER_COUNT
 } spsi_buffer_id;
 
@@ -1831,10 +1830,10 @@ typedef struct spsi_buffer {
     size_t size;
 } spsi_buffer;
 
-/* Stands before each allocation. The context has a list of all, so that none is lost if a callback throws. */
+/* Header of each allocation. The context lists them all, so none leaks if a callback jumps out. */
 typedef struct spsi_link {
-    struct spsi_link *next, **from; /* from: what points at this one */
-    size_t bytes;                   /* with the link */
+    struct spsi_link *next, **from; /* from: the pointer to this link */
+    size_t bytes;                   /* with this header */
 } spsi_link;
 
 #define SPSI_PYRAMID_SIZE  sizeof(((sps_error_info *)0)->field)
@@ -1842,40 +1841,37 @@ typedef struct spsi_link {
 
 enum { SPSI_PRESETS = 7, SPSI_POINT_PRESETS = 4, SPSI_CELL_PRESETS = 4 };
 
-/* Places on the ladders of settings from which a budget chooses, >>budget. */
+/* >>budget */
 typedef struct spsi_setting {
     int gas, points, cells;
 } spsi_setting;
 
-/* What takes time in a frame. */
 typedef enum spsi_stage {
-    SPSI_STAGE_READ,     /* voxels and particles */
-    SPSI_STAGE_PYRAMIDS, /* making what gathering needs beyond voxels */
-    SPSI_STAGE_SURFACES, /* polygons, and shadow rays from them */
-    SPSI_STAGE_LIGHT,    /* sheets, penumbrae and maps */
-    SPSI_STAGE_CELLS,    /* light from cell to cell, or spreading */
-    SPSI_STAGE_HELD,     /* what a picture does with light in cells that is held */
+    SPSI_STAGE_READ,
+    SPSI_STAGE_PYRAMIDS, /* mip pyramids, for gathering */
+    SPSI_STAGE_SURFACES, /* polygons and their shadow rays */
+    SPSI_STAGE_LIGHT,
+    SPSI_STAGE_CELLS, /* solving cells, or spreading */
+    SPSI_STAGE_HELD,  /* cells with cached light */
     SPSI_STAGE_EYE,
-    SPSI_STAGE_REST, /* of the call */
+    SPSI_STAGE_REST,
     SPSI_STAGE_COUNT
 } spsi_stage;
 
-/* The work of a frame by stage. */
 typedef struct spsi_work {
     double units[SPSI_STAGE_COUNT];
-    int tables_held; /* 1: some are that would be part of it */
+    int tables_held; /* 1: cached shadow tables save work */
 } spsi_work;
 
-/* What the context knows of its own speed. */
 typedef struct spsi_rates {
-    double rates[SPSI_STAGE_COUNT][SPSI_PRESETS]; /* seconds per unit; 0: not known */
-    int splats[SPSI_PRESETS]; /* 1: volumes were splatted in a rung's thick slabs; thinner ones may be gathered */
-    const spsi_setting *only; /* the one setting to choose from, for who measures all of them; NULL: all are */
-    int counts;               /* 1: the frame's work and setting are known */
+    double rates[SPSI_STAGE_COUNT][SPSI_PRESETS]; /* seconds per unit; 0: unknown */
+    int splats[SPSI_PRESETS];                     /* 1: rates are for splatted thick slabs only */
+    const spsi_setting *only;                     /* if set, the only choice */
+    int counts;                                   /* 1: work and setting are known */
     spsi_setting setting;
     spsi_work work;
-    double seconds_fields; /* of this frame, in making what gathering needs beyond voxels */
-    uint64_t scattered;    /* fingerprint of what a frame with a budget made the scattered light of that is held */
+    double seconds_fields; /* time of this frame for pyramids */
+    uint64_t scattered;    /* hash of cached multiple scattering made with a budget */
     spsi_setting scattered_by;
 } spsi_rates;
 
@@ -1887,34 +1883,33 @@ struct sps_context {
     sps_config config;
     sps_stats_report stats;
     sps_result result;
-    sps_error_info error; /* of that result */
+    sps_error_info error;
     float progress;
     int tmap_count;     /* maps not yet destroyed */
-    int within;         /* 1: a call runs, or a callback left it by a jump; 2: a call was refused for that */
-    int cancelled;      /* progress_fn has returned non-zero, which takes effect at the next spsi_progress */
-    double clock_start; /* of the call, by clock_fn */
-    double ticked;      /* when progress_fn was called last, by clock_fn or SPS_CLOCK */
-    int counts_only;    /* 1: spsi_reserve reserves nothing, but adds to `counted`: bytes of a pass in a plan */
+    int within;         /* 1: in a call, or a callback jumped out of one; 2: a call was refused for that */
+    int cancelled;      /* progress_fn returned non-zero; acts at the next spsi_progress */
+    double clock_start; /* start of the call, by clock_fn */
+    double ticked;      /* last call of progress_fn, by clock_fn or SPS_CLOCK */
+    int counts_only;    /* 1: spsi_reserve only adds to `counted`, for a plan */
     size_t counted;
-    spsi_link *links; /* all that was allocated, the latest first */
+    spsi_link *links; /* latest first */
     spsi_buffer buffers[SPSI_BUFFER_COUNT];
-    int segment_count; /* voxel segments held, >>gather */
-    uint64_t gathered; /* fingerprint of the volumes whose voxels are held; 0: none */
+    int segment_count; /* cached, >>gather */
+    uint64_t gathered; /* hash of volumes with cached voxels; 0: none */
     int brick_count;
-    int bricks_printed; /* 1: their fingerprints are held too */
-    int fields_held;    /* with them: spsi_pyramids_wanted */
+    int bricks_printed; /* 1: brick hashes are cached */
+    int fields_held;    /* spsi_pyramids_wanted when cached */
     uint64_t voxel_count;
-    uint64_t faces_held; /* fingerprint of the meshes whose triangles are held; 0: none, >>polygons */
+    uint64_t faces_held; /* hash of meshes with cached triangles; 0: none */
     int face_count;
-    int tree_held;           /* 1: the tree of these triangles is held too */
-    int shadow_table_count;  /* held from the last call, >>tmaps */
-    int cell_tmap_count;     /* maps that are held for the sweeps of this call, >>lighting */
-    uint64_t cells_held;     /* fingerprint of what scattered light was made from; 0: none is held, >>lighting */
+    int tree_held;           /* 1: triangle tree is cached */
+    int shadow_table_count;  /* kept from the last call, >>tmaps */
+    int cell_tmap_count;     /* kept for this call's sweeps, >>lighting */
+    uint64_t cells_held;     /* hash of the input of cached multiple scattering; 0: none */
     spsi_rates pace;         /* >>budget */
-    spsi_bounds mesh_bounds; /* of the triangles that are held */
+    spsi_bounds mesh_bounds; /* cached triangles */
 };
 
-/* The member at the beginning of a phrase: "count" of "count, with those before it,". */
 SPSI_COLD void spsi_leading_member(const char *phrase, char member[SPSI_PYRAMID_SIZE]) {
     size_t length = 0;
     while (length < SPSI_PYRAMID_SIZE - 1 && phrase[length] && !strchr(" ,'(", phrase[length])) ++length;
@@ -1927,7 +1922,7 @@ SPSI_COLD void spsi_clear_error(sps_error_info *info) {
     info->index = -1;
 }
 
-/* Describes a failure, in data and as the sentence "OBJECT[index].PHRASE REST"; index < 0 omits the brackets. */
+/* Describes an error as data and as "OBJECT[index].PHRASE REST". */
 SPSI_COLD void spsi_describe(sps_error_info *info, sps_object object, int index, const char *phrase, double value,
                              const char *rest) {
     static const char *const names[] = {"",     "",      "config",    "scene", "view",  "image",    "volume",
@@ -1946,8 +1941,7 @@ static void spsi_tell(const sps_context *context, const char *sentence) {
     if (context->config.message_fn) context->config.message_fn(context->config.message_user, sentence);
 }
 
-/* The one way to fail: records the description, tells the caller unless it has cancelled, and returns the result. The
-   first failure stands. */
+/* Records the first error, sends it to message_fn unless cancelled, and returns the result. */
 SPSI_COLD sps_result spsi_fail_that(sps_context *context, sps_result result, sps_object object, int index,
                                     const char *phrase, double value, const char *rest) {
     if (context->result == SPS_OK) {
@@ -1958,7 +1952,6 @@ SPSI_COLD sps_result spsi_fail_that(sps_context *context, sps_result result, sps
     return context->result;
 }
 
-/* As spsi_fail_that, for a failure without an object. */
 SPSI_COLD sps_result spsi_fail(sps_context *context, sps_result result, const char *sentence) {
     return spsi_fail_that(context, result, SPS_OBJECT_NONE, -1, "", 0, sentence);
 }
@@ -1966,12 +1959,11 @@ SPSI_COLD sps_result spsi_fail(sps_context *context, sps_result result, const ch
 #define SPSI_NOT_ZEROED "the struct was not zeroed"
 #define SPSI_IS_NULL    "is NULL; it must not be"
 
-/* As spsi_fail_that, for "OBJECT[index].FIELD is VALUE; RULE", or for a callback, whose result is SPS_ERROR_CALLBACK
-   and which has no rule, "OBJECT[index].FIELD failed: it returned VALUE". */
+/* Fails with "OBJECT[index].FIELD is VALUE; RULE", or for callbacks "OBJECT[index].FIELD failed: it returned VALUE". */
 SPSI_COLD sps_result spsi_fail_field(sps_context *context, sps_result result, sps_object object, int index,
                                      const char *field, double value, const char *rule) {
     char rest[SPSI_SENTENCE_SIZE];
-    if (!(value <= 0) && !(value > 0)) value = fabs(value); /* NaN may print its sign, which is meaningless */
+    if (!(value <= 0) && !(value > 0)) value = fabs(value); /* drops the sign of NaN */
     if (result == SPS_ERROR_CALLBACK)
         SPS_SNPRINTF(rest, sizeof rest, "failed: it returned %g", value);
     else
@@ -1979,17 +1971,14 @@ SPSI_COLD sps_result spsi_fail_field(sps_context *context, sps_result result, sp
     return spsi_fail_that(context, result, object, index, field, value, rest);
 }
 
-/* Fails if an argument of a public function is NULL. */
 SPSI_COLD sps_result spsi_require(sps_context *context, const void *argument, const char *name) {
     return argument ? SPS_OK : spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_CALL, -1, name, 0, SPSI_IS_NULL);
 }
 
-/* Fails if a callback has returned non-zero. */
 static sps_result spsi_check_call(sps_context *context, sps_object object, int index, const char *field, int returned) {
     return returned ? spsi_fail_field(context, SPS_ERROR_CALLBACK, object, index, field, returned, NULL) : SPS_OK;
 }
 
-/* Fails if a component of a color is not within 0..most, which is 1 or SPSI_VALUE_MAX. */
 static sps_result spsi_check_rgb(sps_context *context, sps_result result, sps_object object, int index,
                                  const char *field, const float color[3], float most) {
     const float *bad = spsi_bad_color(color, most);
@@ -2004,7 +1993,7 @@ static void spsi_free(sps_context *context, void *block, size_t bytes) {
         SPS_FREE(block);
 }
 
-#define SPSI_LINK_BYTES ((sizeof(spsi_link) + 15) / 16 * 16) /* keeps the alignment of what follows */
+#define SPSI_LINK_BYTES ((sizeof(spsi_link) + 15) / 16 * 16)
 
 SPSI_COLD void spsi_release(sps_context *context, void *data) {
     spsi_link *link = data ? (spsi_link *)(void *)((char *)data - SPSI_LINK_BYTES) : NULL;
@@ -2016,8 +2005,7 @@ SPSI_COLD void spsi_release(sps_context *context, void *data) {
     spsi_free(context, link, link->bytes);
 }
 
-/* Every allocation except for the context's own comes from here: overflow, limit and failure are one error, with NULL
-   returned. */
+/* Allocates all memory but the context. Overflow, limit and failure are one error and return NULL. */
 SPSI_COLD void *spsi_acquire(sps_context *context, size_t count, size_t size) {
     const size_t limit = context->config.memory_limit, bytes = count * size + SPSI_LINK_BYTES;
     spsi_link *link = NULL;
@@ -2050,10 +2038,9 @@ static double spsi_clock(const sps_context *context) {
     return context->config.clock_fn ? context->config.clock_fn(context->config.clock_user) : 0;
 }
 
-#define SPSI_TICK_SECONDS 0.01 /* time between two calls of progress_fn */
+#define SPSI_TICK_SECONDS 0.01
 
-/* Calls progress_fn if it is due, by clock_fn or by SPS_CLOCK; without either it always is. A clock that jumps makes it
-   due. */
+/* Calls progress_fn if SPSI_TICK_SECONDS have passed, the clock jumped, or there is none. */
 static void spsi_tick(sps_context *context, int due) {
     double now = 0;
     if (!context->config.progress_fn || context->cancelled) return;
@@ -2063,15 +2050,13 @@ static void spsi_tick(sps_context *context, int due) {
     context->ticked = now;
 }
 
-/* Calls progress_fn likewise amid a long task. With parallel_for_fn, tasks may run on any thread, and wait for their
-   round's end. */
+/* Progress within a long task. Not with parallel_for_fn, which may run tasks on any thread. */
 static void spsi_task_tick(sps_context *context) {
     if (!context->config.parallel_for_fn) spsi_tick(context, 0);
 }
 
-#define SPSI_COPY_BYTES ((size_t)1 << 24) /* a few milliseconds' work */
+#define SPSI_COPY_BYTES ((size_t)1 << 24)
 
-/* memcpy of possibly large data, with progress. */
 static void spsi_copy(sps_context *context, void *to, const void *from, size_t bytes) {
     for (size_t at = 0; at < bytes; at += SPSI_COPY_BYTES) {
         const size_t some = bytes - at < SPSI_COPY_BYTES ? bytes - at : SPSI_COPY_BYTES;
@@ -2080,7 +2065,7 @@ static void spsi_copy(sps_context *context, void *to, const void *from, size_t b
     }
 }
 
-/* Turns counts into running sums, each with all before it; returns the last one. */
+/* Inclusive prefix sum in place; returns the total. */
 static uint64_t spsi_running_sums(uint32_t *counts, size_t count) {
     uint64_t sum = 0;
     for (size_t i = 0; i < count; ++i) counts[i] = (uint32_t)(sum += counts[i]);
@@ -2093,7 +2078,7 @@ SPSI_COLD void spsi_buffer_release(sps_context *context, spsi_buffer *buffer) {
     buffer->size = 0;
 }
 
-/* Makes a buffer hold at least count * size bytes; its contents are lost if it has to grow. Returns NULL on failure. */
+/* Growing loses the contents. Returns NULL on failure. */
 SPSI_COLD void *spsi_buffer_reserve(sps_context *context, spsi_buffer *buffer, size_t count, size_t size) {
     const size_t wanted = count > 0 ? count : 1;
     if (buffer->data && buffer->size / size >= wanted) return buffer->data;
@@ -2103,7 +2088,7 @@ SPSI_COLD void *spsi_buffer_reserve(sps_context *context, spsi_buffer *buffer, s
     return buffer->data;
 }
 
-/* As spsi_buffer_reserve, but keeps the first `kept` items and grows by at least half. */
+/* Keeps the first `kept` items and grows by at least half. */
 SPSI_COLD void *spsi_buffer_extend(sps_context *context, spsi_buffer *buffer, size_t kept, size_t count, size_t size) {
     const size_t held = buffer->size / size, grown = held + held / 2;
     const size_t wanted = grown > count ? grown : count > 0 ? count : 1;
@@ -2117,27 +2102,26 @@ SPSI_COLD void *spsi_buffer_extend(sps_context *context, spsi_buffer *buffer, si
     return data;
 }
 
-/* Adds count * size to a number of bytes. What exceeds a size_t becomes SIZE_MAX, which cannot be reserved. */
+/* Saturates at SIZE_MAX, which cannot be reserved. */
 static void spsi_bytes_add(size_t *bytes, size_t count, size_t size) {
     *bytes = count > (SIZE_MAX - *bytes) / size ? SIZE_MAX : *bytes + count * size;
 }
 
-/* As spsi_buffer_reserve, for the context's numbered buffers. A plan runs functions that reserve memory and stop at
-   NULL: while the context only counts, that is no failure. */
+/* Reserves a numbered buffer. While a plan counts bytes, returns NULL without an error. */
 SPSI_COLD void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count, size_t size) {
     if (!context->counts_only) return spsi_buffer_reserve(context, &context->buffers[id], count, size);
     spsi_bytes_add(&context->counted, count, size);
     return NULL;
 }
 
-/* Takes the next floats of a block of memory, and adds them to those taken. Without memory it only counts. */
+/* Takes floats of a memory block; without memory, only counts them. */
 static float *spsi_lay(float *memory, uint64_t *laid, uint64_t floats) {
     float *own = memory ? memory + *laid : NULL;
     *laid += floats;
     return own;
 }
 
-/* Reserves floats that were laid out, which may be more than a size_t can count. */
+/* `floats` may exceed a size_t. */
 static float *spsi_floats_reserve(sps_context *context, spsi_buffer_id id, uint64_t floats) {
     return (float *)spsi_reserve(context, id, (size_t)(floats < SIZE_MAX ? floats : SIZE_MAX), sizeof(float));
 }
@@ -2147,7 +2131,7 @@ SPSI_COLD int spsi_worker_count(const sps_context *context) {
 }
 
 #define SPSI_GROUP_TASKS 1024
-#define SPSI_TICK_TASKS  4 /* per worker, if there is no clock: fewer would leave even more workers idle */
+#define SPSI_TICK_TASKS  4 /* per worker, without a clock; fewer leave more idle */
 
 static void spsi_task_run(sps_task_fn task, void *data, int index, int worker) {
     spsi_zero_upper();
@@ -2155,15 +2139,15 @@ static void spsi_task_run(sps_task_fn task, void *data, int index, int worker) {
     spsi_zero_upper();
 }
 
-/* Tasks from `first` on. A task that starts after the deadline is left for another round, so that workers wait for each
-   other only when progress_fn is due, and not after every few tasks, which took a sixth of a frame. */
+/* A task past the deadline waits for the next round, so workers synchronise only when progress_fn is due. Doing so
+   every few tasks took a sixth of a frame. */
 typedef struct spsi_task_group {
     const sps_context *context;
     sps_task_fn task;
     void *data;
     int first, count;
-    double deadline;                      /* by clock_fn; infinity: none */
-    unsigned char done[SPSI_GROUP_TASKS]; /* per task, written by the worker that ran it */
+    double deadline; /* clock_fn; infinity: none */
+    unsigned char done[SPSI_GROUP_TASKS];
 } spsi_task_group;
 
 static void spsi_group_task(void *data, int index, int worker) {
@@ -2174,8 +2158,8 @@ static void spsi_group_task(void *data, int index, int worker) {
     spsi_task_run(group->task, group->data, group->first + index, worker);
 }
 
-/* Runs a group's tasks in rounds, with a call of progress_fn after each. If nothing was done in a round, because the
-   clock jumped, the next round has no deadline and is the last. Tasks that parallel_for_fn left out are run here. */
+/* Runs rounds with progress in between. If a clock jump leaves a round idle, the next is the last, without deadline.
+   Tasks that parallel_for_fn left out run here. */
 static void spsi_group_run(sps_context *context, spsi_task_group *group) {
     const int timed = context->config.progress_fn && context->config.clock_fn;
     int left = group->count, stuck = 0;
@@ -2193,8 +2177,7 @@ static void spsi_group_run(sps_context *context, spsi_task_group *group) {
     for (int i = 0; i < group->count && left > 0; ++i) spsi_group_task(group, i, 0);
 }
 
-/* Runs task(data, i, worker) for i = 0..count-1, and calls progress_fn at intervals. Tasks write to disjoint memory, so
-   the order does not matter. */
+/* Runs task(data, i, worker) for i = 0..count-1, with progress. Tasks write to disjoint memory. */
 static void spsi_parallel(sps_context *context, int count, sps_task_fn task, void *data) {
     const int untimed = context->config.progress_fn && !context->config.clock_fn;
     int some = SPSI_GROUP_TASKS;
@@ -2214,17 +2197,16 @@ static void spsi_parallel(sps_context *context, int count, sps_task_fn task, voi
     }
 }
 
-/* The order in which tasks run that run time and again. Those that did most the time before begin first, so that no
-   worker is left with one of them while the others have nothing to do. Results do not depend on it. */
+/* Order of repeated tasks, longest first, so that no worker ends late. Results do not depend on it. */
 typedef struct spsi_task_order {
     int count;
-    uint32_t *work; /* per task: what it did, in a unit of its own; tasks set it */
+    uint32_t *work; /* work per task, any unit, set by tasks */
     int *order;
     sps_task_fn task;
     void *data;
 } spsi_task_order;
 
-#define SPSI_TASK_ORDER_BYTES (sizeof(uint32_t) + sizeof(int)) /* per task */
+#define SPSI_TASK_ORDER_BYTES (sizeof(uint32_t) + sizeof(int))
 
 static void spsi_task_order_begin(spsi_task_order *turns, int count, void *memory) {
     turns->count = count;
@@ -2233,7 +2215,7 @@ static void spsi_task_order_begin(spsi_task_order *turns, int count, void *memor
     memset(turns->work, 0, (size_t)count * sizeof *turns->work);
 }
 
-/* The power of two that work is below. */
+/* Smallest n with work < 2^n. */
 SPSI_COLD int spsi_turn_octave(uint32_t work) {
     int octave = 0;
     while (octave < 32 && work >> octave) ++octave;
@@ -2247,7 +2229,7 @@ static void spsi_ordered_task(void *data, int index, int worker) {
     turns->task(turns->data, task, worker);
 }
 
-/* Runs a task for each of the turns, by octaves of work: finer order would not shorten the wait at the end. */
+/* Octaves of work suffice; a finer order would not end earlier. */
 static void spsi_parallel_ordered(sps_context *context, spsi_task_order *turns, sps_task_fn task, void *data) {
     int first[33] = {0}, before = 0;
     for (int i = 0; i < turns->count; ++i) first[spsi_turn_octave(turns->work[i])] += 1;
@@ -2262,28 +2244,25 @@ static void spsi_parallel_ordered(sps_context *context, spsi_task_order *turns, 
     spsi_parallel(context, turns->count, spsi_ordered_task, turns);
 }
 
-/* A part of a call: the call's progress when the part begins, and the part's share of the call. */
+/* Part of a call: start and length, as fractions of the call. */
 typedef struct spsi_call_stage {
     double progress, share;
 } spsi_call_stage;
 
-/* The call's progress when a fraction of the part is done. */
 SPSI_COLD double spsi_call_stage_done(const spsi_call_stage *part, double fraction) {
     return part->progress + part->share * fraction;
 }
 
-/* Shares of a call's progress, roughly: of reading, in a sweep of its lights' maps, and of cells. */
 #define SPSI_PROGRESS_GATHER 0.2
 #define SPSI_PROGRESS_TMAP   0.3
 #define SPSI_PROGRESS_CELLS  0.2
 
-#define SPSI_BATCH 256 /* items per task where they are many and small: enough to hide a task's overhead */
+#define SPSI_BATCH 256 /* hides the overhead of small items */
 
-/* What is done to each of many items, by any worker. */
 typedef void (*spsi_item_fn)(void *data, int item);
 
 typedef struct spsi_batches {
-    int size, count; /* items of a task, and of all */
+    int size, count;
     spsi_item_fn item_fn;
     void *data;
 } spsi_batches;
@@ -2295,23 +2274,21 @@ static void spsi_batch_task(void *data, int index, int worker) {
     for (int i = index * batches->size; i < end; ++i) batches->item_fn(batches->data, i);
 }
 
-/* Calls item_fn(data, i) for i = 0..count-1, in a task for each `size` items. */
+/* Calls item_fn(data, i) for i = 0..count-1, `size` items per task. */
 static void spsi_parallel_by(sps_context *context, int size, int count, spsi_item_fn item_fn, void *data) {
     spsi_batches batches = {size, count, item_fn, data};
     spsi_parallel(context, count / size + (count % size > 0), spsi_batch_task, &batches);
 }
 
-/* Calls item_fn likewise, in a task for each. */
 static void spsi_parallel_items(sps_context *context, int count, spsi_item_fn item_fn, void *data) {
     spsi_parallel_by(context, 1, count, item_fn, data);
 }
 
-/* Calls item_fn likewise, in a task for each SPSI_BATCH items. */
 static void spsi_parallel_batches(sps_context *context, int count, spsi_item_fn item_fn, void *data) {
     spsi_parallel_by(context, SPSI_BATCH, count, item_fn, data);
 }
 
-/* Reports progress; SPS_ERROR_CANCELLED if the caller wants to stop. */
+/* Returns SPS_ERROR_CANCELLED if the caller wants to stop. */
 SPSI_COLD sps_result spsi_progress(sps_context *context, double fraction) {
     const float now = (float)spsi_dmin(1.0, spsi_dmax((double)context->progress, fraction));
     context->progress = now;
@@ -2319,7 +2296,7 @@ SPSI_COLD sps_result spsi_progress(sps_context *context, double fraction) {
     return context->cancelled ? spsi_fail(context, SPS_ERROR_CANCELLED, "cancelled by progress_fn") : SPS_OK;
 }
 
-/* FNV-1a, 64 bits: tells whether the caller's data is the data already held. [Fowler, Noll, Vo] */
+/* 64-bit FNV-1a hash, detects unchanged input. [Fowler, Noll, Vo] */
 #define SPSI_FINGERPRINT_START UINT64_C(14695981039346656037)
 
 static uint64_t spsi_fingerprint(uint64_t hash, const void *data, size_t size) {
@@ -2328,8 +2305,7 @@ static uint64_t spsi_fingerprint(uint64_t hash, const void *data, size_t size) {
     return hash;
 }
 
-/* The same for 64 bits at once: several times as fast. Multiplying carries changes upwards only, so the upper half is
-   folded into the lower. */
+/* Hashes 64 bits at once, several times as fast. Carries only move up, so the upper half is folded down. */
 static inline uint64_t spsi_fingerprint_word(uint64_t hash, uint64_t word) {
     hash = (hash ^ word) * UINT64_C(0x9e3779b97f4a7c15);
     return hash ^ hash >> 32;

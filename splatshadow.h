@@ -2381,29 +2381,28 @@ static inline spsi_v spsi_mean_length(spsi_v d) {
 }
 
 /* ================================================================================================= >>view
-   6  Rays. A camera and a light are the same thing: a grid of rays through pixel (or texel) centres,
-       perspective    p = origin + t (c + x a + y b)
-       orthographic   p = origin + x a + y b + t c
-   so one rasteriser and one splatter serve both. Ray space is (x, y, t). Depths are stored as t - depth_reference, so
-   that a distant camera loses no precision. */
+   6  Rays. Camera and light are both grids of rays through pixel or texel centres, served by one rasteriser and one
+   splatter.
+       perspective    p = origin + t (c + x a + y b).
+       orthographic   p = origin + x a + y b + t c.
+   Ray space is (x, y, t). Depths are stored as t - depth_reference, to keep precision for distant cameras. */
 
 typedef struct spsi_rays {
     int perspective, width, height;
     double origin[3], a[3], b[3], c[3];
     double inverse[3][3]; /* rows; maps (p - origin) to (x t, y t, t) or (x, y, t) */
-    double pixel;         /* the larger one of the lengths of a and b */
-    double per_length;    /* change of t per world length, along the axis */
+    double pixel;         /* max(|a|, |b|) */
+    double per_length;    /* t per world length on the axis */
     double depth_reference, near_depth;
-    int is_cube_face; /* 1: one of six faces around the origin */
+    int is_cube_face; /* one of six faces around the origin */
 } spsi_rays;
 
 static size_t spsi_ray_count(const spsi_rays *rays) { return (size_t)rays->width * (size_t)rays->height; }
 
-/* Columns and rows of tiles that cover the rays; the last ones may be partly filled. */
 static int spsi_tile_columns(const spsi_rays *rays) { return (rays->width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH; }
 static int spsi_tile_rows(const spsi_rays *rays) { return (rays->height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT; }
 
-/* Returns 0 if the rays do not span space, or if a nearly singular matrix puts them too far away. */
+/* Returns 0 if the rays do not span space or lie too far away (nearly singular matrix). */
 SPSI_COLD int spsi_rays_complete(spsi_rays *rays) {
     if (!spsi_invert(rays->a, rays->b, rays->c, rays->inverse)) return 0;
     rays->pixel = spsi_dmax(spsi_length(rays->a), spsi_length(rays->b));
@@ -2412,30 +2411,28 @@ SPSI_COLD int spsi_rays_complete(spsi_rays *rays) {
            !spsi_bad_coordinate(rays->b, 3);
 }
 
-/* The start of the rays, as t - depth_reference. */
 static float spsi_rays_begin(const spsi_rays *rays) {
     return rays->near_depth > -DBL_MAX ? (float)(rays->near_depth - rays->depth_reference) : -FLT_MAX;
 }
 
-/* Transforms a world offset from the origin to ray coordinates, before any division. */
+/* Ray coordinates before perspective division. */
 static void spsi_to_rays(const spsi_rays *rays, const double offset[3], double q[3]) {
     for (int i = 0; i < 3; ++i) q[i] = spsi_dot(rays->inverse[i], offset);
 }
 
-/* Coefficients of a world point: of a, b and c, from the rays' origin. */
 static void spsi_point_to_rays(const spsi_rays *rays, const double point[3], double q[3]) {
     double offset[3];
     spsi_along(point, rays->origin, -1, offset);
     spsi_to_rays(rays, offset, q);
 }
 
-/* Pixel coordinates and depth t of a world point; x and y are meaningless if t is not positive in perspective. */
+/* Pixel coordinates and depth t; x and y are meaningless for t <= 0 in perspective. */
 static void spsi_project(const spsi_rays *rays, const double point[3], double q[3]) {
     spsi_point_to_rays(rays, point, q);
     if (rays->perspective && q[2] > 0) q[0] /= q[2], q[1] /= q[2];
 }
 
-/* The direction of a pixel's ray: the change of p per unit of t. */
+/* Change of p per unit of t. */
 static void spsi_ray_direction(const spsi_rays *rays, double x, double y, double direction[3]) {
     memcpy(direction, rays->c, sizeof rays->c);
     if (!rays->perspective) return;
@@ -2452,8 +2449,7 @@ static void spsi_ray_point(const spsi_rays *rays, double x, double y, double t, 
     spsi_along(point, rays->b, y, point);
 }
 
-/* Rays from a basis: the centre of the image plane lies along `forward`; pixels step along `right` and `down`, by
-   `pitch` at t = 1 (perspective) or everywhere (orthographic). */
+/* Pixels step by `pitch`, at t = 1 in perspective. */
 SPSI_COLD void spsi_rays_aim(spsi_rays *rays, const double eye[3], const double right[3], const double down[3],
                              const double forward[3], double pitch_x, double pitch_y) {
     const double x = -0.5 * (rays->width - 1) * pitch_x, y = -0.5 * (rays->height - 1) * pitch_y;
@@ -2468,15 +2464,14 @@ SPSI_COLD void spsi_rays_aim(spsi_rays *rays, const double eye[3], const double 
     spsi_along(corner, down, y, corner);
 }
 
-/* Unit vectors to the right of and below a unit vector, seen along it; `up` zero or along it: some such vectors. */
+/* Unit vectors right and down when facing `forward`; arbitrary if `up` is zero or parallel. */
 SPSI_COLD void spsi_axes_across(const double forward[3], const double up[3], double right[3], double down[3]) {
     spsi_cross(forward, up, right);
     if (!(spsi_length(right) > 1e-6 * spsi_length(up)) || !spsi_normalise(right)) spsi_basis(forward, right, down);
     spsi_cross(forward, right, down);
 }
 
-/* Rays through the pixels of a camera without a matrix; width and height are already set. Returns 0 if it has no
-   direction, or if its pixels coincide. */
+/* Rays of a camera without a matrix. Returns 0 without a direction or if pixels coincide. */
 SPSI_COLD int spsi_rays_from_camera(spsi_rays *rays, const sps_camera *camera) {
     double forward[3], right[3], down[3], pitch;
     spsi_along(camera->target, camera->position, -1, forward);
@@ -2488,13 +2483,12 @@ SPSI_COLD int spsi_rays_from_camera(spsi_rays *rays, const sps_camera *camera) {
     return spsi_rays_complete(rays);
 }
 
-/* World size of a pixel at t units of depth from the origin of its rays. */
 static double spsi_pixel_size_at(const spsi_rays *rays, double t) {
     const double size = sqrt(spsi_length(rays->a) * spsi_length(rays->b));
     return rays->perspective ? spsi_dmax(t, 0) * size : size;
 }
 
-/* Rays shifted by parts of a pixel. Depths stay the same. */
+/* Shifts rays by fractions of a pixel; keeps depths. */
 SPSI_COLD void spsi_rays_shift(const spsi_rays *rays, double x, double y, spsi_rays *shifted) {
     double *from = rays->perspective ? shifted->c : shifted->origin;
     *shifted = *rays;
@@ -2505,7 +2499,7 @@ SPSI_COLD void spsi_rays_shift(const spsi_rays *rays, double x, double y, spsi_r
     spsi_along(rays->inverse[1], rays->inverse[2], -y, shifted->inverse[1]);
 }
 
-/* The rays of n x n points of each pixel, in even steps. */
+/* Splits pixels into n x n rays. */
 SPSI_COLD int spsi_rays_split(const spsi_rays *rays, int n, spsi_rays *fine) {
     spsi_rays_shift(rays, 0.5 / n - 0.5, 0.5 / n - 0.5, fine);
     fine->width *= n;
@@ -2517,7 +2511,7 @@ SPSI_COLD int spsi_rays_split(const spsi_rays *rays, int n, spsi_rays *fine) {
     return n == 1 || spsi_rays_complete(fine);
 }
 
-/* The row-major matrix from world points to texels: (X, Y, t, W), where the texel is (X / W, Y / W). */
+/* Row-major matrix from world points to (X, Y, t, W); texel (X / W, Y / W). */
 SPSI_COLD void spsi_rays_matrix(const spsi_rays *rays, double matrix[16]) {
     for (int i = 0; i < 4; ++i) {
         const double *row = rays->inverse[spsi_imin(i, 2)];
@@ -2529,15 +2523,13 @@ SPSI_COLD void spsi_rays_matrix(const spsi_rays *rays, double matrix[16]) {
 
 #define SPSI_CUBE_FACES 6 /* +x -x +y -y +z -z */
 
-/* The cube face that a direction points at: the axis of its largest component. */
 static int spsi_cube_face_of(const double offset[3]) {
     const double x = fabs(offset[0]), y = fabs(offset[1]), z = fabs(offset[2]);
     const int axis = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
     return 2 * axis + (offset[axis] < 0);
 }
 
-/* Rays through one face of a cube around a point. The centres of the outermost texels lie on the cube's edges, or
-   `border` texels beyond them. */
+/* Rays through a cube face. Outermost texel centres lie on the cube's edges, or `border` texels beyond. */
 SPSI_COLD int spsi_rays_of_cube_face(const double position[3], int face, int size, int border, spsi_rays *rays) {
     static const double axes[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     const double pitch = 2.0 / spsi_imax(size - 1 - 2 * border, 1);
@@ -2550,11 +2542,9 @@ SPSI_COLD int spsi_rays_of_cube_face(const double position[3], int face, int siz
     return spsi_rays_complete(rays);
 }
 
-/* Rays from rows 0, 1 and 3 of a world-to-clip matrix; in perspective, row 2 (the depth convention) is not needed. The
-   ray of clip position (X,Y) lies in the planes (r0 - X r3) p = 0 and (r1 - Y r3) p = 0, so its direction is linear in
-   X and Y. An orthographic matrix's rays begin where clip depth is -1, unless that is farther than 1e12 pixels, where
-   positions would lose precision. A near plane at -1 cannot be told from one at 0; from there, distances are positive
-   with either. */
+/* Rays from rows 0, 1 and 3 of a world-to-clip matrix; perspective ignores row 2, the depth convention. Rays lie in
+   planes (r0 - X r3) p = 0, (r1 - Y r3) p = 0; directions are linear in X, Y. Orthographic rays start at clip depth -1,
+   unless over 1e12 pixels away, which loses precision. A near plane at 0 also gives positive distances. */
 SPSI_COLD int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
     const double *r0 = m, *r1 = m + 4, *r3 = m + 12;
     const double dx = 2.0 / rays->width, dy = -2.0 / rays->height, x0 = -1 + 0.5 * dx, y0 = 1 + 0.5 * dy;
@@ -2590,8 +2580,8 @@ SPSI_COLD int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
     return spsi_rays_complete(rays);
 }
 
-/* How much a matrix looks like a camera's, 0..3. 1: row 2 is parallel to row 3 (or 0, as with an infinite reversed
-   depth), since depth is a function of w. 2: w is in world units, so that row 3 has length 1 (or is 0 0 0 1). */
+/* Signs of a camera matrix, 0..3. 1: depth depends on w: row 2 is parallel to row 3, or 0 (infinite reversed depth). 2:
+   w is in world units: row 3 has length 1 or is 0 0 0 1. */
 static int spsi_camera_signs(const double m[16]) {
     const double *depth = m + 8, *w = m + 12, sideways = spsi_length(m) + spsi_length(m + 4);
     const double size = spsi_length(depth), unit = spsi_length(w);
@@ -2601,8 +2591,8 @@ static int spsi_camera_signs(const double m[16]) {
            (fabs((unit > 1e-12 * sideways ? unit : w[3]) - 1) <= 1e-5 ? 2 : 0);
 }
 
-/* Whether a perspective matrix looks less like a camera's than its transpose does. Either sign alone may be missing: a
-   matrix may scale the world, and an oblique near plane changes row 2. */
+/* True if the transpose resembles a camera's perspective matrix more. Scaled worlds and oblique near planes (row 2)
+   each break one sign. */
 static int spsi_is_transposed(const double m[16]) {
     double other[16];
     for (int i = 0; i < 16; ++i) other[i] = m[i % 4 * 4 + i / 4];
@@ -2612,13 +2602,12 @@ static int spsi_is_transposed(const double m[16]) {
 
 /* ---- quantities that are linear along rays ---- */
 
-/* A quantity that is linear in depth along each of the eye's rays: (base . (1,x,y)) + d (slope . (1,x,y)), where d is
-   t - depth_reference. Slab coordinates, light ray coordinates and positions are all of this kind. */
+/* Quantity linear in depth along the eye's rays: (base . (1,x,y)) + d (slope . (1,x,y)), d = t - depth_reference. */
 typedef struct spsi_linear {
     float base[3], slope[3];
 } spsi_linear;
 
-/* The linear quantity row . (p - origin) + offset. */
+/* Builds row . (p - origin) + offset. */
 SPSI_COLD void spsi_linear_build(const spsi_rays *rays, const double row[3], const double origin[3], double offset,
                                  spsi_linear *linear) {
     const double a = spsi_dot(row, rays->a), b = spsi_dot(row, rays->b), c = spsi_dot(row, rays->c);
@@ -2643,12 +2632,11 @@ static inline spsi_v spsi_linear_slope(const spsi_linear *linear, spsi_v x, floa
     return spsi_fma(x, spsi_set(linear->slope[1]), spsi_set(linear->slope[0] + y * linear->slope[2]));
 }
 
-/* The quantity at depth d. */
 static inline spsi_v spsi_linear_find(const spsi_linear *linear, spsi_v x, float y, spsi_v d) {
     return spsi_fma(d, spsi_linear_slope(linear, x, y), spsi_linear_base(linear, x, y));
 }
 
-/* The same for pixels that are not in a row. */
+/* Variants for pixels not in a row. */
 static inline spsi_v spsi_linear_base_at(const spsi_linear *linear, spsi_v x, spsi_v y) {
     const float *base = linear->base;
     return spsi_fma(x, spsi_set(base[1]), spsi_fma(y, spsi_set(base[2]), spsi_set(base[0])));
@@ -2659,7 +2647,6 @@ static inline spsi_v spsi_linear_slope_at(const spsi_linear *linear, spsi_v x, s
     return spsi_fma(x, spsi_set(slope[1]), spsi_fma(y, spsi_set(slope[2]), spsi_set(slope[0])));
 }
 
-/* Three linear quantities along a vector of a row's rays. */
 typedef struct spsi_row_linears {
     spsi_v base[3], slope[3];
 } spsi_row_linears;
@@ -2675,7 +2662,7 @@ static inline void spsi_row_linears_at(const spsi_row_linears *courses, spsi_v d
     for (int i = 0; i < 3; ++i) at[i] = spsi_fma(d, courses->slope[i], courses->base[i]);
 }
 
-/* World length per unit of t along the rays of a row of pixels. */
+/* World length per unit of t. */
 static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) {
     spsi_v sum = spsi_set(0);
     for (int i = 0; i < 3; ++i) {

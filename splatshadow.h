@@ -2312,18 +2312,17 @@ static inline uint64_t spsi_fingerprint_word(uint64_t hash, uint64_t word) {
 }
 
 /* =============================================================================================== >>kernel
-   5  The voxel kernel, a Gaussian with a standard deviation of SPSI_SIGMA voxels, cut at SPSI_CUT standard deviations
-   or less, and the closed forms for light in a sheet. */
+   5  The voxel kernel: a Gaussian of SPSI_SIGMA voxels, cut at SPSI_CUT standard deviations or less. Closed forms for
+   light in a sheet. */
 
-#define SPSI_SIGMA       0.65 /* voxels; a lattice of such kernels is constant to 0.05 % */
+#define SPSI_SIGMA       0.65 /* voxels; a lattice is constant to 0.05 % */
 #define SPSI_REACH       2.5  /* voxels */
 #define SPSI_CUT         (SPSI_REACH / SPSI_SIGMA)
-#define SPSI_PIXEL_SIGMA 0.5 /* minimum footprint width in pixels: the pixel filter if voxels are smaller */
+#define SPSI_PIXEL_SIGMA 0.5 /* minimum footprint in pixels: the pixel filter */
 
-/* The share of a kernel's line integral that lies before a plane; v = distance / (SPSI_CUT * standard deviation).
-   A polynomial whose derivative (1 - v^2)^2 (..) is never negative, so that sheets are never negative except for
-   rounding, 4e-7 of the integral. It was fitted to the cut Gaussian: maximum error 2e-4 of the integral, and the shares
-   of all slabs add up to 1. */
+/* Fraction of a kernel's line integral before a plane; v = distance / (SPSI_CUT * standard deviation). Fitted to the
+   cut Gaussian within 2e-4. The derivative (1 - v^2)^2 (..) keeps sheets non-negative but for rounding, 4e-7. Fractions
+   of all slabs sum to 1. */
 static inline spsi_v spsi_kernel_fraction(spsi_v v) {
     const spsi_v x = spsi_clamp(v, spsi_set(-1), spsi_set(1)), x2 = spsi_mul(x, x);
     spsi_v p = spsi_set(0.915625417f);
@@ -2336,10 +2335,9 @@ static inline spsi_v spsi_kernel_fraction(spsi_v v) {
     return spsi_fma(p, x, spsi_set(0.5f));
 }
 
-/* The mean of exp(-x) for x between a and b (in any order): exp(-min) (1 - exp(-d)) / d, d = |a - b|; exp(-a) at d = 0.
-   A sheet of optical depth t that emits c per unit of depth, with optical depths a and b at its two sides, contributes
-   c t spsi_mean_transmittance(a, b): exact if extinction is constant within the sheet, for either compositing order.
-   The series below d = 0.25 is accurate to 1e-7. */
+/* Mean of exp(-x) between a and b: exp(-min) (1 - exp(-d)) / d, d = |a - b|. A sheet of optical depth t, emitting c per
+   unit of it, contributes c t times this mean. Exact for constant extinction, in either compositing order. Series for d
+   < 0.25: error 1e-7. */
 static inline spsi_v spsi_mean_transmittance(spsi_v a, spsi_v b) {
     const spsi_v d = spsi_abs(spsi_sub(a, b));
     const spsi_v quotient =
@@ -2353,7 +2351,7 @@ static inline spsi_v spsi_mean_transmittance(spsi_v a, spsi_v b) {
                     spsi_select(spsi_less(d, spsi_set(0.25f)), series, quotient));
 }
 
-/* spsi_mean_transmittance where exp(-a) and exp(-b) are known, to 4e-7. */
+/* spsi_mean_transmittance from exp(-a) and exp(-b); error 4e-7. */
 static inline spsi_v spsi_mean_enclosure(spsi_v a, spsi_v b, spsi_v through_a, spsi_v through_b) {
     const spsi_v d = spsi_sub(b, a), square = spsi_mul(d, d), least = spsi_set(0.25f);
     const spsi_m near_by = spsi_less(spsi_abs(d), least);
@@ -2369,8 +2367,8 @@ static inline spsi_v spsi_coverage(spsi_v depth) {
     return spsi_select(spsi_less(depth, spsi_set(0.25f)), spsi_mul(depth, spsi_mean_transmittance(zero, depth)), dense);
 }
 
-/* The mean position, as a fraction of its length, of what the eye sees of an interval of optical depth d:
-   1/d - 1/(exp(d) - 1), which is 1/2 at d = 0. The series below d = 0.5 is accurate to 1e-7. */
+/* Mean position of visible emission within optical depth d, as a fraction of length: 1/d - 1/(exp(d) - 1). Series for d
+   < 0.5: error 1e-7. */
 static inline spsi_v spsi_mean_length(spsi_v d) {
     const spsi_v square = spsi_mul(d, d), most = spsi_max(d, spsi_set(0.5f));
     const spsi_v left = spsi_exp(spsi_sub(spsi_set(0), most));

@@ -2673,44 +2673,43 @@ static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) 
 }
 
 /* ============================================================================================= >>transfer
-   7  Appearance of values. A gas scatters albedo * extinction * value by a sum of Henyey-Greenstein lobes; a transfer
-   function is a table from value to color and extinction. */
+   7  Materials. A medium scatters albedo * extinction * value by Henyey-Greenstein lobes; a transfer function maps
+   value to color and extinction. */
 
 #define SPSI_TABLE_SIZE 2048
 
 typedef struct spsi_table {
     float entry[SPSI_TABLE_SIZE + 1][4]; /* red, green, blue, extinction */
-    int shown[SPSI_TABLE_SIZE + 2];      /* number of entries before this one that have extinction */
-    float last_clear;                    /* the entry before the first that has extinction, or the first */
+    int shown[SPSI_TABLE_SIZE + 2];      /* number of earlier entries with extinction */
+    float last_clear;                    /* last before the first with extinction */
 } spsi_table;
 
 #define SPSI_FORWARD_SIZE   32
 #define SPSI_FORWARD_LEVELS 9
 
-/* What is scattered forward more than once, by optical depth (columns) and angle (rows), >>scattering. */
+/* Multiple forward scattering by optical depth and angle (rows), >>scattering. */
 typedef struct spsi_forward {
-    int level_count; /* gas: 1, or 3 if its albedo is not grey; classified: all, by albedo */
+    int level_count; /* gas: 1, or 3 for colored albedo; classified: all, by albedo */
     float level[SPSI_FORWARD_LEVELS][SPSI_FORWARD_SIZE * SPSI_FORWARD_SIZE];
 } spsi_forward;
 
 typedef struct spsi_material {
     float extinction, albedo[3], emission[3];
-    float ambient[3];               /* that the gas receives: the scene's and its own */
-    sps_lobe lobes[SPSI_LOBES_MAX]; /* weights add up to 1 */
+    float ambient[3];               /* scene's plus its own */
+    sps_lobe lobes[SPSI_LOBES_MAX]; /* weights sum to 1 */
     int lobe_count;
     spsi_table *table; /* NULL: gas */
-    float table_scale; /* entries per unit of value */
+    float table_scale; /* entries per value */
     sps_shading shading;
     float gradient_scale; /* per change of value per voxel */
-    float voxel_length;   /* world; the cube root of a voxel's volume */
-    int medium;           /* the volume, if it has a table */
+    float voxel_length;   /* world; cube root of a voxel's volume */
+    int medium;
     float specular, shininess;
     int scatters, emits, extinguishes;
-    const spsi_forward *forward; /* NULL: light scatters once */
+    const spsi_forward *forward; /* NULL: single scattering */
 } spsi_material;
 
-/* One lobe for a vector of cosines. The square in the denominator is at least (1 - |g|)^2 > 0.
-   [Henyey & Greenstein 1941] */
+/* Henyey-Greenstein [1941]; the denominator's square is at least (1 - |g|)^2 > 0. */
 static inline spsi_v spsi_lobe_phase(float g, spsi_v cosine) {
     const spsi_v square =
         spsi_max(spsi_set((1 - g) * (1 - g) < (1 + g) * (1 + g) ? (1 - g) * (1 - g) : (1 + g) * (1 + g)),
@@ -2725,7 +2724,6 @@ static inline spsi_v spsi_phase(const spsi_material *material, spsi_v cosine) {
     return sum;
 }
 
-/* The l-th Legendre moment of a phase function. */
 static double spsi_phase_moment(const spsi_material *material, int l) {
     double sum = 0;
     for (int i = 0; i < material->lobe_count; ++i)
@@ -2733,26 +2731,24 @@ static double spsi_phase_moment(const spsi_material *material, int l) {
     return sum;
 }
 
-/* The number of orders in which light must be followed from cell to cell, >>cells: 1 if nothing scatters, or only
-   evenly, 2 for weak lobes, 4. Two orders leave 1 + cosine of a lobe of asymmetry 0.5, which sends nothing straight
-   back: to a ceiling above a lamp, or to an eye in gas with a lamp behind itself. At the rim of gas, such an eye would
-   miss 17 % of what it sees at 0.49, and misses 2 % at 0.2. */
+/* Angular orders between cells, >>cells: 1 if scattering is isotropic or absent, 2 for weak lobes, else 4. Two turn a
+   lobe of asymmetry 0.5 into 1 + cosine, without backscattering. With a light behind it, an eye at the rim would miss
+   17 % at 0.49, 2 % at 0.2. */
 SPSI_COLD int spsi_phase_orders(const spsi_material *material) {
     const double second = spsi_phase_moment(material, 2);
     if (!material->scatters || (second == 0 && spsi_phase_moment(material, 1) == 0)) return 1;
     return second > 0.05 ? 4 : 2;
 }
 
-/* The share of what a material scatters that its peak passes straight on, if this many orders are followed: the first
-   moment that is not. The others, scaled to what is left, must not exceed 1 in magnitude, or light would grow from
-   event to event: phase functions with a sharp lobe backwards have next to no peak forwards. */
+/* Fraction in the forward peak: the first moment that is not followed. The others, rescaled, must not exceed 1 in
+   magnitude, or energy would grow; sharp backward lobes have almost no peak. */
 SPSI_COLD double spsi_phase_peak(const spsi_material *material, int orders) {
     double peak = orders > 1 ? spsi_phase_moment(material, orders) : 0;
     for (int l = 1; l < orders; ++l) peak = spsi_dmin(peak, 0.5 * (1 + spsi_phase_moment(material, l)));
     return peak;
 }
 
-/* Which of a vector of values may have extinction: most transfer functions show nothing of small values. */
+/* Lanes that may have extinction; most transfer functions hide small values. */
 static inline spsi_m spsi_may_show(const spsi_material *material, spsi_v value) {
     return spsi_less(spsi_set(material->table->last_clear), spsi_mul(value, spsi_set(material->table_scale)));
 }
@@ -2760,14 +2756,13 @@ static inline int spsi_any_shown(const spsi_material *material, spsi_v value) {
     return spsi_bits(spsi_may_show(material, value)) != 0;
 }
 
-/* The lanes of values up to which there is no extinction, where there is any beyond: those for which
-   spsi_transfer_shows(material, 0, value) is 0. */
+/* Mask of lanes whose whole range 0..value is transparent. */
 static inline int spsi_hidden_bits(const spsi_material *material, spsi_v value) {
     return spsi_bits(
         spsi_less(spsi_mul(value, spsi_set(material->table_scale)), spsi_set(material->table->last_clear)));
 }
 
-/* The entry at or before a vector of values, and how far each lies towards the next one. */
+/* Table entry at or before each value; `beyond`: fraction towards the next. */
 static inline spsi_v spsi_table_entry(const spsi_material *material, spsi_v value, spsi_v *beyond) {
     const spsi_v scaled = spsi_mul(value, spsi_set(material->table_scale));
     const spsi_v at = spsi_clamp(scaled, spsi_set(0), spsi_set((float)SPSI_TABLE_SIZE));
@@ -2776,7 +2771,6 @@ static inline spsi_v spsi_table_entry(const spsi_material *material, spsi_v valu
     return entry;
 }
 
-/* Extinction only, for a vector of values. */
 static inline spsi_v spsi_classify_extinction(const spsi_material *material, spsi_v value) {
     const spsi_v zero = spsi_set(0);
     spsi_v beyond;
@@ -2786,7 +2780,6 @@ static inline spsi_v spsi_classify_extinction(const spsi_material *material, sps
     return spsi_select(spsi_less(zero, value), spsi_mix(low, high, beyond), zero);
 }
 
-/* Red, green, blue and extinction for a vector of values, linear between table entries. */
 static inline void spsi_classify(const spsi_material *material, spsi_v value, spsi_v out[4]) {
     spsi_v beyond, low[4], high[4];
     const spsi_v entry = spsi_table_entry(material, value, &beyond);
@@ -2796,7 +2789,7 @@ static inline void spsi_classify(const spsi_material *material, spsi_v value, sp
     out[3] = spsi_select(spsi_less(spsi_set(0), value), out[3], spsi_set(0));
 }
 
-/* Checks color and extinction of points[i], or, if i < 0, those that eval_fn wrote for a value. */
+/* Checks points[i], or eval_fn's result if i < 0. */
 SPSI_COLD sps_result spsi_transfer_check_point(sps_context *context, int volume, const sps_transfer_point *point, int i,
                                                float value) {
     const float *bad = spsi_bad_color(point->albedo, 1);
@@ -2811,7 +2804,6 @@ SPSI_COLD sps_result spsi_transfer_check_point(sps_context *context, int volume,
                            bad ? "red, green and blue must be 0..1" : "it must be 0..1e18");
 }
 
-/* The transfer function at `value`, linear between its points. */
 SPSI_COLD void spsi_transfer_at_points(const sps_transfer *transfer, float value, float out[4]) {
     const sps_transfer_point *points = transfer->points;
     int high = 0;
@@ -2872,13 +2864,12 @@ SPSI_COLD sps_result spsi_transfer_check(sps_context *context, const sps_transfe
     return SPS_OK;
 }
 
-/* Fills a material's table and the members that depend on it. */
 SPSI_COLD sps_result spsi_transfer_tabulate(sps_context *context, const sps_transfer *transfer, int volume,
                                             spsi_material *material) {
     float last = transfer->value_max;
     if (spsi_transfer_check(context, transfer, volume)) return context->result;
     if (!(last > 0) && transfer->points) last = transfer->points[transfer->point_count - 1].value;
-    if (!(last >= SPSI_VALUE_MIN)) last = 1; /* values below it count as 0 */
+    if (!(last >= SPSI_VALUE_MIN)) last = 1; /* smaller values count as 0 */
     material->table_scale = SPSI_TABLE_SIZE / last;
     if (!transfer->points && spsi_transfer_from_callback(context, transfer, volume, last, material->table))
         return context->result;
@@ -2895,7 +2886,7 @@ SPSI_COLD sps_result spsi_transfer_tabulate(sps_context *context, const sps_tran
     return SPS_OK;
 }
 
-/* Whether any value between low and high has extinction. */
+/* True if any value in low..high has extinction. */
 static int spsi_transfer_shows(const spsi_material *material, float low, float high) {
     const float first = low * material->table_scale, last = high * material->table_scale;
     const int a = first < SPSI_TABLE_SIZE ? (int)first : SPSI_TABLE_SIZE;

@@ -1603,23 +1603,22 @@ static inline spsi_v spsi_exp(spsi_v x) {
 }
 
 /* ================================================================================================ >>maths
-   3  Vectors and matrices in double precision: all placement is done with these, relative to the camera or to the first
-   slab, before anything becomes a float. */
+   3  Double-precision vectors and matrices, for placement relative to the camera or first slab before conversion to
+   floats. */
 
-/* Gauss's three points between 0 and 1, 1/2 +- sqrt(3/20), and their weights: exact for polynomials of degree 5. */
+/* Three-point Gauss quadrature on 0..1: 1/2 +- sqrt(3/20), exact to degree 5. */
 static const double spsi_gauss_places[3] = {0.11270166537925831, 0.5, 0.88729833462074169};
 static const double spsi_gauss_weights[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
 
-/* fmax and fmin, NaN included, but inlined: gcc calls the C library for those, which takes a quarter of the time of
-   first flights. */
+/* Inlined, NaN included: gcc's library calls take a quarter of the time of first flights. */
 static inline double spsi_dmax(double a, double b) { return a > b || b != b ? a : b; }
 static inline double spsi_dmin(double a, double b) { return a < b || b != b ? a : b; }
 
 static double spsi_dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 static double spsi_length(const double a[3]) { return sqrt(spsi_dot(a, a)); }
 
-/* a b + c with the same bits wherever it is computed: a compiler may fuse product and sum in one place and not in
-   another. Fused explicitly where the hardware can; elsewhere the product goes through memory. */
+/* a b + c with identical bits everywhere, since compilers may fuse only some. Without hardware fma, the product is
+   stored first. */
 static inline double spsi_multiply_add(double a, double b, double c) {
 #if defined(FP_FAST_FMA) || defined(__FMA__) || defined(__ARM_FEATURE_FMA)
     return fma(a, b, c);
@@ -1629,8 +1628,8 @@ static inline double spsi_multiply_add(double a, double b, double c) {
 #endif
 }
 
-/* The exact sign of a b - c d. Rounding is monotonic: if the rounded products differ, so do the exact ones in the same
-   way; otherwise their rounding errors decide, which fma has without one of its own. */
+/* Exact sign of a b - c d: rounding is monotonic, so rounded products that differ are in order. Otherwise fma gives
+   their exact errors. */
 static int spsi_sign_of_difference(double a, double b, double c, double d) {
     const volatile double first = a * b, second = c * d;
     double p = first, q = second;
@@ -1647,29 +1646,28 @@ static void spsi_cross(const double a[3], const double b[3], double out[3]) {
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-/* out = a + t b */
 static void spsi_along(const double a[3], const double b[3], double t, double out[3]) {
     for (int i = 0; i < 3; ++i) out[i] = a[i] + t * b[i];
 }
 
-/* Scales a to length 1 without overflow or underflow; returns 0, and leaves a alone, if it has no direction. */
+/* No overflow or underflow. Returns 0, with a unchanged, if it has no direction. */
 static int spsi_normalise(double a[3]) {
     const double square = spsi_dot(a, a);
     double largest, length;
-    if (square > 1e-200 && square < 1e200) { /* nearly always, and cheap: one division and one root */
+    if (square > 1e-200 && square < 1e200) {
         length = 1 / sqrt(square);
         for (int i = 0; i < 3; ++i) a[i] *= length;
         return 1;
     }
     largest = spsi_dmax(fabs(a[0]), spsi_dmax(fabs(a[1]), fabs(a[2])));
-    if (!(largest > 0) || !(largest <= DBL_MAX) || !(spsi_dot(a, a) >= 0)) return 0; /* fmax passes over NaN */
+    if (!(largest > 0) || !(largest <= DBL_MAX) || !(spsi_dot(a, a) >= 0)) return 0; /* fmax ignores NaN */
     for (int i = 0; i < 3; ++i) a[i] /= largest;
     length = spsi_length(a);
     for (int i = 0; i < 3; ++i) a[i] /= length;
     return 1;
 }
 
-/* Two unit vectors perpendicular to the unit vector n; `x` is near the coordinate axis along which n is smallest. */
+/* Unit vectors perpendicular to the unit vector n; `x` is near the axis of n's smallest component. */
 static void spsi_basis(const double n[3], double x[3], double y[3]) {
     const double ax = fabs(n[0]), ay = fabs(n[1]), az = fabs(n[2]);
     const int least = ax <= ay && ax <= az ? 0 : ay <= az ? 1 : 2;
@@ -1680,14 +1678,13 @@ static void spsi_basis(const double n[3], double x[3], double y[3]) {
     spsi_cross(n, x, y);
 }
 
-/* The determinant of the matrix with columns a, b, c. */
 static double spsi_determinant(const double a[3], const double b[3], const double c[3]) {
     double bc[3];
     spsi_cross(b, c, bc);
     return spsi_dot(a, bc);
 }
 
-/* Rows of the inverse of the matrix with columns a, b, c. Returns 0 if it is singular. */
+/* Inverse of the matrix with columns a, b, c, as rows. Returns 0 if singular. */
 static int spsi_invert(const double a[3], const double b[3], const double c[3], double rows[3][3]) {
     const double determinant = spsi_determinant(a, b, c);
     if (!(fabs(determinant) > 0) || !(fabs(determinant) <= DBL_MAX)) return 0;
@@ -1698,14 +1695,14 @@ static int spsi_invert(const double a[3], const double b[3], const double c[3], 
     return 1;
 }
 
-/* Returns the first number that is not a usable coordinate, NULL if there is none. */
+/* First unusable coordinate, or NULL. */
 static const double *spsi_bad_coordinate(const double *values, int count) {
     for (int i = 0; i < count; ++i)
         if (!(fabs(values[i]) <= SPSI_COORDINATE_MAX)) return &values[i];
     return NULL;
 }
 
-/* Returns the first of three components that is not within 0..most, NULL if there is none. */
+/* First component outside 0..most, or NULL. */
 static const float *spsi_bad_color(const float c[3], float most) {
     for (int i = 0; i < 3; ++i)
         if (!(c[i] >= 0 && c[i] <= most)) return &c[i];
@@ -1714,13 +1711,12 @@ static const float *spsi_bad_color(const float c[3], float most) {
 
 static int spsi_black(const float c[3]) { return !(c[0] > 0) && !(c[1] > 0) && !(c[2] > 0); }
 static int spsi_grey(const float c[3]) { return !(c[0] < c[1] || c[0] > c[1] || c[1] < c[2] || c[1] > c[2]); }
-/* The lower and the higher of two floats. b if a is NaN. */
+/* b if a is NaN. */
 static inline float spsi_fmin(float a, float b) { return a < b ? a : b; }
 static inline float spsi_fmax(float a, float b) { return a > b ? a : b; }
 static int spsi_imin(int a, int b) { return a < b ? a : b; }
 static int spsi_imax(int a, int b) { return a > b ? a : b; }
 
-/* The number of bits that are set: of each pair, then of each four, then of each byte, and their sum. */
 static int spsi_bit_count(uint64_t mask) {
     mask -= mask >> 1 & UINT64_C(0x5555555555555555);
     mask = (mask & UINT64_C(0x3333333333333333)) + (mask >> 2 & UINT64_C(0x3333333333333333));

@@ -1117,9 +1117,8 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_MARGIN      3  /* voxels around a block that decide which of its voxels a transfer function shows */
 
 /* ================================================================================================= >>simd
-   2  Vectors of floats: spsi_v holds SPSI_LANES floats, spsi_m a boolean for each. All code below is written once, for
-   any width. Lanes never add up, so results do not depend on the width except for rounding. Only this section names
-   instruction sets. */
+   2  Float vectors (spsi_v) and masks (spsi_m) of SPSI_LANES lanes. Only this section names instruction sets. Lanes are
+   never summed: results depend on the width by rounding only. */
 
 #if !defined(SPS_NO_SIMD) && defined(__AVX512F__)
 #define SPSI_SIMD_AVX512
@@ -1150,7 +1149,6 @@ typedef __m128 spsi_m;
 #include <arm_neon.h>
 #endif
 
-/* What the instruction sets of x86 have alike, but for their names. */
 #ifdef SPSI_X86
 static inline spsi_v spsi_set(float a) { return SPSI_X86(set1_ps)(a); }
 static inline spsi_v spsi_load(const float *p) { return SPSI_X86(loadu_ps)(p); }
@@ -1200,7 +1198,7 @@ static inline spsi_v spsi_four_rows(const float *table, const int *at) {
     rows = _mm512_insertf32x4(rows, _mm_loadu_ps(table + 4 * at[8]), 2);
     return _mm512_insertf32x4(rows, _mm_loadu_ps(table + 4 * at[12]), 3);
 }
-/* As the general ones below: all of a vector if `count` is more than it holds. */
+/* `count` may exceed SPSI_LANES, as below. */
 static inline spsi_m spsi_first(int count) { return (spsi_m)(count < 16 ? (1u << count) - 1 : 0xffffu); }
 static inline spsi_v spsi_load_first(const float *p, int count) { return _mm512_maskz_loadu_ps(spsi_first(count), p); }
 static inline void spsi_store_first(float *p, spsi_v a, int count) { _mm512_mask_storeu_ps(p, spsi_first(count), a); }
@@ -1256,7 +1254,7 @@ static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v b
     const __m256i number = _mm256_cvttps_epi32(bit), entry = _mm256_slli_epi32(_mm256_cvttps_epi32(at), 1);
     const __m256i places = _mm256_add_epi32(entry, _mm256_srli_epi32(number, 5));
     const __m256i words = _mm256_i32gather_epi32((const int *)(const void *)grid, places, 4);
-    const __m256i place = _mm256_andnot_si256(number, _mm256_set1_epi32(31)); /* 31 less the bit's in its word */
+    const __m256i place = _mm256_andnot_si256(number, _mm256_set1_epi32(31)); /* shifts the bit to the sign */
     return _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_sllv_epi32(words, place)));
 }
 #define SPSI_HAS_LOOKUP
@@ -1341,7 +1339,7 @@ static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return a < b; }
 static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return a & b; }
 static inline int spsi_bits(spsi_m m) { return m; }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return m ? a : b; }
-static inline void spsi_store_int(int *p, spsi_v a) { *p = (int)a; } /* only called with whole numbers */
+static inline void spsi_store_int(int *p, spsi_v a) { *p = (int)a; } /* only for whole numbers */
 static inline spsi_v spsi_iota(void) { return 0; }
 static inline void spsi_fours(const float *table, const int *at, spsi_v four[4]) {
     memcpy(four, table + 4 * (ptrdiff_t)*at, 4 * sizeof *four);
@@ -1349,7 +1347,6 @@ static inline void spsi_fours(const float *table, const int *at, spsi_v four[4])
 #endif
 
 #ifdef SPSI_X86
-/* Four floats at each of SPSI_LANES places of a table, by their number. */
 static inline void spsi_fours(const float *table, const int *at, spsi_v four[4]) {
     spsi_v r[4], low[2], high[2];
     for (int i = 0; i < 4; ++i) r[i] = spsi_four_rows(table, at + i);
@@ -1364,9 +1361,8 @@ static inline void spsi_fours(const float *table, const int *at, spsi_v four[4])
 }
 #endif
 
-/* Zeroes the upper bits of wide registers, above the first 128. Compilers do that before function calls, but gcc 12
-   sometimes omits it after it has copied a struct through such a register. As long as they are not zero, each call of
-   a C library function compiled for SSE, such as fmin, takes tens of times as long on some processors. */
+/* gcc 12 sometimes omits this before calls, after copying a struct through a wide register. SSE functions such as fmin
+   then take tens of times as long on some processors. */
 #if defined(SPSI_SIMD_AVX512) || defined(SPSI_SIMD_AVX2)
 static inline void spsi_zero_upper(void) { _mm256_zeroupper(); }
 #else
@@ -1374,7 +1370,7 @@ static inline void spsi_zero_upper(void) {}
 #endif
 
 #ifndef SPSI_HAS_FIRST
-/* Loads the first `count` lanes only, if there are fewer than SPSI_LANES; the others are 0. */
+/* Other lanes are 0; `count` may exceed SPSI_LANES. */
 static inline spsi_v spsi_load_first(const float *p, int count) {
     float lanes[SPSI_LANES] = {0};
     if (count >= SPSI_LANES) return spsi_load(p);
@@ -1402,7 +1398,6 @@ static inline float spsi_lane(spsi_v a, int lane) {
 }
 static inline float spsi_one(spsi_v a) { return spsi_lane(a, 0); }
 
-/* The sum of all lanes. */
 static double spsi_total(spsi_v a) {
     float lanes[SPSI_LANES];
     double sum = 0;
@@ -1411,9 +1406,8 @@ static double spsi_total(spsi_v a) {
     return sum;
 }
 
-/* The longest vectors can hold two rows of half as many pixels, since narrow footprints would leave most of a row
-   empty. spsi_halves: the lower halves of a and b; the others are the same in memory. Shorter vectors only hold whole
-   rows. */
+/* Narrow footprints leave most of a row empty, so the widest vectors take two half rows. spsi_halves joins the lower
+   halves of a and b. */
 #ifdef SPSI_HAS_HALVES
 #define SPSI_ROWS_MOST 2
 #else
@@ -1424,7 +1418,7 @@ static inline void spsi_store_halves(float *a, float *b, spsi_v v) { (void)b, sp
 #endif
 
 #if defined(SPSI_SIMD_SSE2) || SPSI_LANES == 1
-/* Rounds down, for |a| < 2^30. */
+/* Valid for |a| < 2^30. */
 static inline spsi_v spsi_floor(spsi_v a) {
     const spsi_v r = spsi_round(a);
     return spsi_select(spsi_less(a, r), spsi_sub(r, spsi_set(1)), r);
@@ -1432,7 +1426,7 @@ static inline spsi_v spsi_floor(spsi_v a) {
 #endif
 
 #ifndef SPSI_HAS_LOOKUP
-/* Gathers grid[y * stride + x], per lane, for whole-numbered x and y. */
+/* Gathers grid[y * stride + x] per lane; x, y whole numbers. */
 static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v y) {
     float xs[SPSI_LANES], ys[SPSI_LANES];
     spsi_store(xs, x);
@@ -1441,7 +1435,7 @@ static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v
     return spsi_load(xs);
 }
 
-/* Gathers pairs of 16-bit numbers, per lane: the low and the high half of grid[y * stride + x]. */
+/* Gathers low and high 16 bits per lane. */
 static inline void spsi_lookup_pair(const uint32_t *grid, int stride, spsi_v x, spsi_v y, spsi_v pair[2]) {
     float xs[SPSI_LANES], ys[SPSI_LANES];
     spsi_store(xs, x);
@@ -1455,7 +1449,7 @@ static inline void spsi_lookup_pair(const uint32_t *grid, int stride, spsi_v x, 
     pair[1] = spsi_load(ys);
 }
 
-/* Returns a bit per lane: whether bit number `bit`, of 64, is set in grid[at]. */
+/* Returns bit `bit` (0..63) of grid[at] per lane. */
 static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v bit) {
     float places[SPSI_LANES], numbers[SPSI_LANES];
     int lanes = 0;
@@ -1469,14 +1463,13 @@ static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v b
 }
 #endif
 
-/* Gathers table[4 * entry] to table[4 * entry + 3], per lane, for a whole-numbered entry. */
+/* Gathers four floats per lane, from table[4 * entry] on. */
 static inline void spsi_lookup_four(const float *table, spsi_v entry, spsi_v four[4]) {
     int at[SPSI_LANES];
     spsi_store_int(at, entry);
     spsi_fours(table, at, four);
 }
 
-/* Four floats, however wide vectors are. */
 #if defined(SPSI_SIMD_AVX512) || defined(SPSI_SIMD_AVX2)
 typedef __m128 spsi_four;
 static inline spsi_four spsi_four_load(const float *p) { return _mm_loadu_ps(p); }
@@ -1515,7 +1508,7 @@ static inline spsi_four spsi_four_mul(spsi_four a, spsi_four b) {
 }
 #endif
 
-/* The sums of four floats each, per lane: of fours[0] to fours[3], of the next four, and so on. */
+/* Lane i: sum of fours[4 i] to fours[4 i + 3]. */
 static inline spsi_v spsi_sum_fours(const float *fours) {
     int at[SPSI_LANES];
     spsi_v four[4];
@@ -1524,7 +1517,7 @@ static inline spsi_v spsi_sum_fours(const float *fours) {
     return spsi_add(spsi_add(four[0], four[2]), spsi_add(four[1], four[3]));
 }
 
-/* The lowest bit of those that are set; at least one is. */
+/* Requires a set bit. */
 static inline int spsi_lowest_bit(int bits) {
 #if defined(__GNUC__)
     return __builtin_ctz((unsigned)bits);
@@ -1535,7 +1528,6 @@ static inline int spsi_lowest_bit(int bits) {
 #endif
 }
 
-/* Gathers the four neighbours (x,y), (x+1,y), (x,y+1), (x+1,y+1) for a bilinear lookup. */
 static inline void spsi_lookup_quad(const float *grid, int stride, spsi_v x, spsi_v y, spsi_v quad[4]) {
     quad[0] = spsi_lookup(grid, stride, x, y);
     quad[1] = spsi_lookup(grid + 1, stride, x, y);
@@ -1543,18 +1535,16 @@ static inline void spsi_lookup_quad(const float *grid, int stride, spsi_v x, sps
     quad[3] = spsi_lookup(grid + stride + 1, stride, x, y);
 }
 
-/* Prefetches memory that will be read soon, if the compiler has a way to. A function that does nothing else is taken
-   for one without effect, unless it is as short as this one. */
+/* Prefetches for reading. Keep it short: compilers drop longer functions without effect. */
 static inline void spsi_prefetch(const void *data, size_t size) {
 #if defined(__GNUC__)
     for (size_t i = 0; i < size; i += 64) __builtin_prefetch((const char *)data + i);
-    if (size > 1) __builtin_prefetch((const char *)data + size - 1); /* the data may begin within a line */
+    if (size > 1) __builtin_prefetch((const char *)data + size - 1);
 #else
     (void)data, (void)size;
 #endif
 }
 
-/* The same for memory that will be written. */
 static inline void spsi_prefetch_to_write(void *data) {
 #if defined(__GNUC__)
     __builtin_prefetch(data, 1);
@@ -1575,7 +1565,7 @@ static inline spsi_v spsi_dot_v(const spsi_v a[3], const spsi_v b[3]) {
     return spsi_fma(a[0], b[0], spsi_fma(a[1], b[1], spsi_mul(a[2], b[2])));
 }
 
-/* Bilinear lookup, clamped to the edge (whose texels are 0 in most grids). */
+/* Clamped to the edge. */
 static inline spsi_v spsi_bilinear(const float *grid, int width, int height, spsi_v x, spsi_v y) {
     const spsi_v cx = spsi_clamp(x, spsi_set(0), spsi_set((float)(width - 1)));
     const spsi_v cy = spsi_clamp(y, spsi_set(0), spsi_set((float)(height - 1)));
@@ -1587,8 +1577,7 @@ static inline spsi_v spsi_bilinear(const float *grid, int width, int height, sps
     return spsi_mix(spsi_mix(quad[0], quad[1], fx), spsi_mix(quad[2], quad[3], fx), fy);
 }
 
-/* e^x with a relative error of 2e-7 for -86 < x < 88; exactly 0 below, so that no denormal numbers arise.
-   x = n ln 2 + r; the polynomial in r was fitted for this library (maximum relative error 1.1e-7). */
+/* e^x, relative error 2e-7 for -86 < x < 88; 0 below, without denormals. x = n ln 2 + r. */
 static inline spsi_v spsi_exp(spsi_v x) {
     const spsi_v inside = spsi_clamp(x, spsi_set(-87.0f), spsi_set(88.0f));
     const spsi_v n = spsi_round(spsi_mul(inside, spsi_set(1.44269504f)));

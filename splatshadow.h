@@ -1045,7 +1045,7 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_IMPLEMENTED
 
 /* =============================================================================================== >>config
-   1  Macros and the C library. Everything used from libc is named here. */
+   1  Macros. All uses of libc are named here. */
 
 #if defined(__FAST_MATH__) || defined(_M_FP_FAST) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0)
 #ifndef SPS_ALLOW_FAST_MATH
@@ -1071,15 +1071,14 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #include <stdio.h>
 #define SPS_SNPRINTF snprintf
 #endif
-#if !defined(SPS_CLOCK) && defined(__wasi__) /* has none */
+#if !defined(SPS_CLOCK) && defined(__wasi__)
 #define SPS_CLOCK() (-1.0)
 #elif !defined(SPS_CLOCK)
 #include <time.h>
 #define SPS_CLOCK() ((double)clock() / CLOCKS_PER_SEC)
 #endif
 
-/* A function that does not run for every pixel, texel, voxel, cell or particle: compilers make it small, not fast,
-   which takes a quarter less time to compile. */
+/* Compiling cold functions for size saves a quarter of the compile time. */
 #ifdef __GNUC__
 #define SPSI_COLD static __attribute__((cold))
 #else
@@ -1089,32 +1088,32 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_PI       3.14159265358979323846
 #define SPSI_INFINITY ((float)HUGE_VAL)
 
-#define SPSI_SIZE_MAX       16384     /* pixels or texels on a side; 2^28 of them fit an int */
-#define SPSI_SLABS_MAX      (1 << 20) /* with this many, lookups along the eye's rays resolve a sixteenth of a slab */
+#define SPSI_SIZE_MAX       16384     /* pixels or texels on a side; 2^28 fit an int */
+#define SPSI_SLABS_MAX      (1 << 20) /* lookups along rays still resolve 1/16 slab */
 #define SPSI_VOLUMES_MAX    64
-#define SPSI_SETS_MAX       64 /* of particles */
+#define SPSI_SETS_MAX       64
 #define SPSI_MATERIALS_MAX  (SPSI_VOLUMES_MAX + SPSI_SETS_MAX)
 #define SPSI_LOBES_MAX      8
 #define SPSI_WORKERS_MAX    1024
-#define SPSI_FACES_MAX      (1 << 29) /* four numbers of each still fit an int */
+#define SPSI_FACES_MAX      (1 << 29) /* four numbers each still fit an int */
 #define SPSI_PARTICLES_MAX  (1 << 29)
-#define SPSI_VALUE_MAX      1e18f  /* larger values could overflow when multiplied by extinction and length */
-#define SPSI_COORDINATE_MAX 1e15   /* products of squares of it do not overflow a double */
-#define SPSI_VALUE_MIN      1e-30f /* smaller values would only make denormal numbers */
-#define SPSI_RADIANCE_MAX   1e30f  /* cap of a sheet's emission, so that sums stay finite */
-#define SPSI_DEPTH_MAX      1e15f  /* cap of optical depth, and a polygon's optical depth; exp(-86) is already 0 here */
-#define SPSI_LIGHT_END      16.0f  /* optical depth at which a light is no longer followed: 1e-7 of it is left */
-#define SPSI_FORWARD_END    64.0f  /* the same for light that scatters forward, >>scattering */
-#define SPSI_POINTS_MAX     256    /* that stand for an extended light */
-#define SPSI_IMAGE_SIZE_MAX 4096   /* of an image that a light throws */
+#define SPSI_VALUE_MAX      1e18f  /* no overflow when multiplied by extinction and length */
+#define SPSI_COORDINATE_MAX 1e15   /* products of squares do not overflow */
+#define SPSI_VALUE_MIN      1e-30f /* smaller values only make denormals */
+#define SPSI_RADIANCE_MAX   1e30f  /* cap of a sheet's emission; keeps sums finite */
+#define SPSI_DEPTH_MAX      1e15f  /* cap of optical depth, also of polygons; exp(-86) is already 0 */
+#define SPSI_LIGHT_END      16.0f  /* optical depth where a light ends, with 1e-7 left */
+#define SPSI_FORWARD_END    64.0f  /* end with forward scattering, >>scattering */
+#define SPSI_POINTS_MAX     256    /* per area light */
+#define SPSI_IMAGE_SIZE_MAX 4096   /* projected texture */
 
-#define SPSI_TILE_WIDTH  64 /* pixels; a tile's sheets stay in the level-2 cache, measured best on 512 KiB */
+#define SPSI_TILE_WIDTH  64 /* pixels; a tile's sheets fit the level-2 cache, measured best on 512 KiB */
 #define SPSI_TILE_HEIGHT 64
-#define SPSI_PATCH       8  /* pixels on a side of a patch: a tile has 8 x 8 of them, one bit each in a uint64_t */
-#define SPSI_CHUNK       16 /* slabs splatted in one visit of a voxel */
-#define SPSI_BRICK       8  /* voxels along the edge of a brick, the unit of binning */
-#define SPSI_BLOCK       32 /* voxels along the edge of a block, the unit of reading */
-#define SPSI_MARGIN      3  /* voxels around a block that decide which of its voxels a transfer function shows */
+#define SPSI_PATCH       8  /* pixels on a side; a tile has 8 x 8, one bit each in a uint64_t */
+#define SPSI_CHUNK       16 /* slabs splatted per visit of a voxel */
+#define SPSI_BRICK       8  /* voxels on a side, unit of binning */
+#define SPSI_BLOCK       32 /* voxels on a side, unit of reading */
+#define SPSI_MARGIN      3  /* apron of a block, to decide which voxels a transfer function shows */
 
 /* ================================================================================================= >>simd
    2  Float vectors (spsi_v) and masks (spsi_m) of SPSI_LANES lanes. Only this section names instruction sets. Lanes are

@@ -211,7 +211,7 @@ maps: build/measure/maps
 	@mkdir -p build/maps && rm -f build/maps.failed
 	{ build/measure/maps docs build/maps || touch build/maps.failed; } | tee build/maps.txt
 	@$(CSV) build/maps.txt > build/maps.csv
-	@test ! -e build/maps.failed && awk '/^## /{cut = /^## (Reading|Puff|Wind|Clumps|Shell|Core|Ball)/} !cut' build/maps.txt > docs/maps.md
+	@test ! -e build/maps.failed && awk -f tests/measure/maps.awk build/maps.txt > docs/maps.md
 
 # Of the page, what stands before the first printed line is kept. Fails if something is spent that need not be.
 .PHONY: effects

@@ -688,15 +688,15 @@ static void headline(price *p, const char *folder) {
 
 /* The median time of a scene's frames once all is cached; *first is that of the first one, in a new context. */
 static double time_frames(frame *f, double *first, sps_stats_report *stats) {
-    enum { FRAMES = 5 };
-    double seconds[FRAMES];
+    enum { ROUNDS = 5 };
+    double seconds[ROUNDS];
     ex_session session;
     ex_session_measure(&session, program, WORKERS);
     *first = render_seconds(&session, f, &f->view);
-    for (int i = 0; i < FRAMES; ++i) seconds[i] = render_seconds(&session, f, &f->view);
+    for (int i = 0; i < ROUNDS; ++i) seconds[i] = render_seconds(&session, f, &f->view);
     sps_get_stats(session.context, stats);
     ex_session_end(&session);
-    return ex_percentile(seconds, FRAMES, 0.5);
+    return ex_percentile(seconds, ROUNDS, 0.5);
 }
 
 /* A row of the README's table: a view that sets nothing, compared with random paths and with single scattering. */

@@ -1,0 +1,34 @@
+# The page docs/maps.md from what maps.c prints: sections of single scenes become one table, of the errors with 8 floats.
+/^## (Reading|Puff|Wind|Clumps|Shell|Core|Ball)/ {
+    scene = $2
+    sub(/:$/, "", scene)
+    if (scene != "Reading") scenes[++scene_count] = scene
+    single = 1
+    next
+}
+/^## / { if (single) print_table(); single = 0 }
+single && substr($0, 31, 2) == "8 " && /\|/ {
+    name = substr($0, 1, 30)
+    sub(/ +$/, "", name)
+    if (!(name in known)) names[++name_count] = name
+    known[name] = 1
+    split($0, part, "|")
+    sub(/^ +/, "", part[2])
+    sub(/ .*/, "", part[2])
+    error[name, scene] = part[2]
+}
+!single { print }
+
+function print_table(    i, k) {
+    printf "## Errors with 8 floats\n\nRoot mean square errors of transmittance in the gas; all other figures are in `build/maps.csv`.\n\n| with 8 floats |"
+    for (k = 1; k <= scene_count; ++k) printf " %s |", tolower(scenes[k])
+    printf "\n|---|"
+    for (k = 1; k <= scene_count; ++k) printf "---|"
+    printf "\n"
+    for (i = 1; i <= name_count; ++i) {
+        printf "| %s |", names[i]
+        for (k = 1; k <= scene_count; ++k) printf " %s |", error[names[i], scenes[k]]
+        printf "\n"
+    }
+    printf "\n"
+}

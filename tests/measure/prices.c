@@ -699,33 +699,42 @@ static double time_frames(frame *f, double *first, sps_stats_report *stats) {
     return ex_percentile(seconds, ROUNDS, 0.5);
 }
 
-/* A row of the README's table: a view that sets nothing, compared with random paths and with single scattering. */
+/* The mean of red, green and blue. */
+static double mean_of_rgba(const float *rgba, int pixels) {
+    double sum = 0;
+    for (int i = 0; i < 4 * pixels; ++i) sum += i % 4 < 3 ? (double)rgba[i] : 0;
+    return sum / (3.0 * pixels);
+}
+
+/* A row of the README's table: a view that sets nothing, beside random paths and single scattering. The picture is
+   rendered once more through the pixels of the truth. */
 static void print_default(const price_scene *scene) {
     enum { STRIDE = 9, PATHS = 1200 };
     ex_session session;
     sps_stats_report stats;
-    double first, single_first, sum = 0;
+    double first, single_first;
     priced *p = (priced *)ex_allocate(1, sizeof *p);
     memset(p, 0, sizeof *p);
     ex_session_measure(&session, program, WORKERS);
     if (!scene->build(p, &session)) {
         const int width = p->frame.view.width, height = p->frame.view.height;
         const sps_camera camera = p->frame.view.camera;
+        frame sampled_frame;
         memset(&p->frame.view, 0, sizeof p->frame.view);
         p->frame.view.width = width, p->frame.view.height = height, p->frame.view.camera = camera;
         sampled_end(&p->truth);
-        marched_truth(p, &session, STRIDE, 1, PATHS);
+        marched_truth(p, &session, STRIDE, p->frame.volume.transfer ? 0.25 : 0.5, PATHS);
+        const int pixels = p->truth.frame.view.width * p->truth.frame.view.height;
+        const double truth = mean_of_rgba(p->truth.frame.rgba, pixels);
+        frame_copy(&sampled_frame, &p->truth.frame);
+        render_seconds(&session, &sampled_frame, &sampled_frame.view);
+        const double error = mean_of_rgba(sampled_frame.rgba, pixels) / truth - 1;
+        frame_end(&sampled_frame);
         const double seconds = time_frames(&p->frame, &first, &stats);
-        const double error = sampled_error(&p->truth, &p->frame);
-        const int side = p->truth.frame.view.width;
-        for (int i = 0; i < 4 * side * side; ++i) sum += i % 4 < 3 ? (double)p->truth.frame.rgba[i] : 0;
-        const double mean = sum / (3.0 * side * side);
-        const int scatters = stats.cells > 0;
         p->frame.view.scattering = SPS_SCATTERING_SINGLE;
         const double single = time_frames(&p->frame, &single_first, &stats);
-        printf("| %s | %s | %.0f ms | %.0f ms | %.0f ms | %.2g %% (%.2g %%) |\n", scene->name,
-               scatters ? "multiple" : "single", 1e3 * first, 1e3 * seconds, 1e3 * single,
-               100 * sqrt(fmax(error * error - p->noise * p->noise, 0)) / mean, 100 * p->noise / mean);
+        printf("| %s | %.0f ms | %.0f ms | %.0f ms | %+.2g %% ± %.1g %% |\n", scene->name, 1e3 * first, 1e3 * seconds,
+               1e3 * single, 100 * error, 100 * p->noise / truth / sqrt(pixels));
         priced_end(p);
     }
     ex_session_end(&session);
@@ -733,9 +742,8 @@ static void print_default(const price_scene *scene) {
 }
 
 static int print_defaults(void) {
-    printf("| scene | scattering | first frame | next frames | the same, single scattering | error (noise of the "
-           "truth) |\n"
-           "|---|---|---|---|---|---|\n");
+    printf("| scene | first frame | next frames | with single scattering | error of the mean, of random paths |\n"
+           "|---|---|---|---|---|\n");
     for (int i = 0; i < PRICE_SCENES; ++i)
         if (price_scenes[i].is_asset) print_default(price_scenes + i);
     return EX_OK;

@@ -699,15 +699,19 @@ static double time_frames(frame *f, double *first, sps_stats_report *stats) {
     return ex_percentile(seconds, ROUNDS, 0.5);
 }
 
-/* The mean of red, green and blue. */
-static double mean_of_rgba(const float *rgba, int pixels) {
+/* The mean of red, green and blue of the pixels that a truth has; of the truth itself if f is NULL. */
+static double sampled_mean(const sampled *t, const frame *f) {
+    const int side = t->frame.view.width, first = f ? (f->view.width - (side - 1) * t->stride - 1) / 2 : 0;
     double sum = 0;
-    for (int i = 0; i < 4 * pixels; ++i) sum += i % 4 < 3 ? (double)rgba[i] : 0;
-    return sum / (3.0 * pixels);
+    for (int i = 0; i < side * side; ++i) {
+        const int x = first + i % side * t->stride, y = first + i / side * t->stride;
+        const float *pixel = f ? f->rgba + 4 * (y * f->view.width + x) : t->frame.rgba + 4 * i;
+        for (int c = 0; c < 3; ++c) sum += (double)pixel[c];
+    }
+    return sum / (3.0 * side * side);
 }
 
-/* A row of the README's table: a view that sets nothing, beside random paths and single scattering. The picture is
-   rendered once more through the pixels of the truth. */
+/* A row of the README's table: a view that sets nothing, beside random paths and single scattering. */
 static void print_default(const price_scene *scene) {
     enum { STRIDE = 9, PATHS = 1200 };
     ex_session session;
@@ -719,22 +723,16 @@ static void print_default(const price_scene *scene) {
     if (!scene->build(p, &session)) {
         const int width = p->frame.view.width, height = p->frame.view.height;
         const sps_camera camera = p->frame.view.camera;
-        frame sampled_frame;
         memset(&p->frame.view, 0, sizeof p->frame.view);
         p->frame.view.width = width, p->frame.view.height = height, p->frame.view.camera = camera;
         sampled_end(&p->truth);
         marched_truth(p, &session, STRIDE, p->frame.volume.transfer ? 0.25 : 0.5, PATHS);
-        const int pixels = p->truth.frame.view.width * p->truth.frame.view.height;
-        const double truth = mean_of_rgba(p->truth.frame.rgba, pixels);
-        frame_copy(&sampled_frame, &p->truth.frame);
-        render_seconds(&session, &sampled_frame, &sampled_frame.view);
-        const double error = mean_of_rgba(sampled_frame.rgba, pixels) / truth - 1;
-        frame_end(&sampled_frame);
-        const double seconds = time_frames(&p->frame, &first, &stats);
+        const double truth = sampled_mean(&p->truth, NULL), seconds = time_frames(&p->frame, &first, &stats);
+        const double error = sampled_mean(&p->truth, &p->frame) / truth - 1;
         p->frame.view.scattering = SPS_SCATTERING_SINGLE;
         const double single = time_frames(&p->frame, &single_first, &stats);
         printf("| %s | %.0f ms | %.0f ms | %.0f ms | %+.2g %% ± %.1g %% |\n", scene->name, 1e3 * first, 1e3 * seconds,
-               1e3 * single, 100 * error, 100 * p->noise / truth / sqrt(pixels));
+               1e3 * single, 100 * error, 100 * p->noise / truth / p->truth.frame.view.width);
         priced_end(p);
     }
     ex_session_end(&session);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT OR Unlicense
 
-splatshadow.h 0.3.0 (2026-11-22): renders volumes, gases, particles and polygons into correctly shadowed images, and
+splatshadow.h 0.4.0 (2026-11-28): renders volumes, gases, particles and polygons into correctly shadowed images, and
 into shadow maps for engines, on the CPU.
 MIT or public domain, as you choose (full text at the end of this file).
 

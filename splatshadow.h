@@ -1758,7 +1758,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_DEPTH_MAPS,
     SPSI_BUFFER_TRANSLUCENCY_MAPS, /* >>depthmaps */
     SPSI_BUFFER_TRANSLUCENCY_TEXELS,
-    SPSI_BUFFER_PANES,
+    SPSI_BUFFER_TRANSLUCENT_PLANES,
     SPSI_BUFFER_PIXELS,   /* optical depth and radiance, >>shading */
     SPSI_BUFFER_PLANES,   /* >>lightsheets */
     SPSI_BUFFER_BEAMS,    /* >>penumbrae */
@@ -1820,7 +1820,7 @@ typedef struct spsi_link {
     size_t bytes;                   /* with this header */
 } spsi_link;
 
-#define SPSI_PYRAMID_SIZE  sizeof(((sps_error_info *)0)->field)
+#define SPSI_FIELD_SIZE    sizeof(((sps_error_info *)0)->field)
 #define SPSI_SENTENCE_SIZE sizeof(((sps_error_info *)0)->sentence)
 
 enum { SPSI_PRESETS = 7, SPSI_POINT_PRESETS = 4, SPSI_CELL_PRESETS = 4 };
@@ -1835,8 +1835,8 @@ typedef enum spsi_stage {
     SPSI_STAGE_PYRAMIDS, /* mip pyramids, for gathering */
     SPSI_STAGE_SURFACES, /* polygons and their shadow rays */
     SPSI_STAGE_LIGHT,
-    SPSI_STAGE_CELLS, /* solving cells, or spreading */
-    SPSI_STAGE_HELD,  /* cells with cached light */
+    SPSI_STAGE_CELLS,  /* solving cells, or spreading */
+    SPSI_STAGE_CACHED, /* cells with cached light */
     SPSI_STAGE_EYE,
     SPSI_STAGE_REST,
     SPSI_STAGE_COUNT
@@ -1854,7 +1854,7 @@ typedef struct spsi_rates {
     int counts;                                   /* 1: work and setting are known */
     spsi_setting setting;
     spsi_work work;
-    double seconds_fields; /* time of this frame for pyramids */
+    double seconds_pyramids; /* time of this frame for pyramids */
     uint64_t scattered;    /* hash of cached multiple scattering made with a budget */
     spsi_setting scattered_by;
 } spsi_rates;
@@ -1881,22 +1881,22 @@ struct sps_context {
     int segment_count; /* cached, >>gather */
     uint64_t gathered; /* hash of volumes with cached voxels; 0: none */
     int brick_count;
-    int bricks_printed; /* 1: brick hashes are cached */
-    int fields_held;    /* spsi_pyramids_wanted when cached */
+    int bricks_hashed;   /* 1: brick hashes are cached */
+    int pyramids_cached; /* spsi_pyramids_wanted when cached */
     uint64_t voxel_count;
     uint64_t faces_held; /* hash of meshes with cached triangles; 0: none */
     int face_count;
     int tree_held;           /* 1: triangle tree is cached */
     int shadow_table_count;  /* kept from the last call, >>tmaps */
     int cell_tmap_count;     /* kept for this call's sweeps, >>lighting */
-    uint64_t cells_held;     /* hash of the input of cached multiple scattering; 0: none */
+    uint64_t cells_cached;   /* hash of the input of cached multiple scattering; 0: none */
     spsi_rates pace;         /* >>budget */
     spsi_bounds mesh_bounds; /* cached triangles */
 };
 
-SPSI_COLD void spsi_leading_member(const char *phrase, char member[SPSI_PYRAMID_SIZE]) {
+SPSI_COLD void spsi_leading_member(const char *phrase, char member[SPSI_FIELD_SIZE]) {
     size_t length = 0;
-    while (length < SPSI_PYRAMID_SIZE - 1 && phrase[length] && !strchr(" ,'(", phrase[length])) ++length;
+    while (length < SPSI_FIELD_SIZE - 1 && phrase[length] && !strchr(" ,'(", phrase[length])) ++length;
     memcpy(member, phrase, length);
     member[length] = 0;
 }
@@ -2633,15 +2633,15 @@ typedef struct spsi_row_linears {
     spsi_v base[3], slope[3];
 } spsi_row_linears;
 
-static inline void spsi_row_linears_build(const spsi_linear linear[3], spsi_v x, float y, spsi_row_linears *courses) {
+static inline void spsi_row_linears_build(const spsi_linear linear[3], spsi_v x, float y, spsi_row_linears *linears) {
     for (int i = 0; i < 3; ++i) {
-        courses->base[i] = spsi_linear_base(&linear[i], x, y);
-        courses->slope[i] = spsi_linear_slope(&linear[i], x, y);
+        linears->base[i] = spsi_linear_base(&linear[i], x, y);
+        linears->slope[i] = spsi_linear_slope(&linear[i], x, y);
     }
 }
 
-static inline void spsi_row_linears_at(const spsi_row_linears *courses, spsi_v d, spsi_v at[3]) {
-    for (int i = 0; i < 3; ++i) at[i] = spsi_fma(d, courses->slope[i], courses->base[i]);
+static inline void spsi_row_linears_at(const spsi_row_linears *linears, spsi_v d, spsi_v at[3]) {
+    for (int i = 0; i < 3; ++i) at[i] = spsi_fma(d, linears->slope[i], linears->base[i]);
 }
 
 /* World length per unit of t. */
@@ -5598,11 +5598,11 @@ static void spsi_brick_fingerprints_task(void *data, int index) {
 }
 
 SPSI_COLD sps_result spsi_brick_fingerprints(sps_context *context) {
-    if (context->bricks_printed) return SPS_OK;
+    if (context->bricks_hashed) return SPS_OK;
     if (!spsi_reserve(context, SPSI_BUFFER_BRICK_FINGERPRINTS, (size_t)context->brick_count, sizeof(uint64_t)))
         return context->result;
     spsi_parallel_batches(context, context->brick_count, spsi_brick_fingerprints_task, context);
-    context->bricks_printed = 1;
+    context->bricks_hashed = 1;
     return SPS_OK;
 }
 
@@ -5637,18 +5637,18 @@ SPSI_COLD void spsi_tell_replaced(const sps_context *context, uint64_t before, c
 
 #define SPSI_VALUES_REPLACED "values of volumes were invalid and count as 0"
 
-static int spsi_volumes_held(const sps_context *context, const spsi_frame *frame) {
+static int spsi_volumes_cached(const sps_context *context, const spsi_frame *frame) {
     return context->gathered != 0 && context->gathered == spsi_volumes_fingerprint(frame);
 }
 
 /* Reads all volumes' relevant voxels unless cached. */
 SPSI_COLD sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
     const uint64_t replaced = context->stats.values_replaced;
-    if (!spsi_volumes_held(context, frame)) {
+    if (!spsi_volumes_cached(context, frame)) {
         int current = -1;
         context->gathered = 0;
-        context->bricks_printed = 0;
-        context->fields_held = 0;
+        context->bricks_hashed = 0;
+        context->pyramids_cached = 0;
         context->brick_count = 0;
         context->voxel_count = 0;
         for (int i = 0; i < frame->medium_count; ++i)
@@ -5955,7 +5955,7 @@ SPSI_COLD double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bo
 }
 
 /* Upper bound of optical depth on any segment; -1 on failure. */
-SPSI_COLD double spsi_densest_way(sps_context *context, const spsi_frame *frame) {
+SPSI_COLD double spsi_densest_path(sps_context *context, const spsi_frame *frame) {
     float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_BOUND_GRID, 1, SPSI_BOUND_BYTES);
     if (!memory) return -1;
     memset(memory, 0, SPSI_BOUND_BYTES);
@@ -5995,7 +5995,7 @@ SPSI_COLD sps_result spsi_decide_scattering(sps_context *context, spsi_frame *fr
     if (spsi_light_meets_gas(frame) && spsi_polygons_scatter(frame)) {
         *bound = SPSI_BOUND_NONE;
     } else if (spsi_light_meets_gas(frame)) {
-        const double depth = spsi_densest_way(context, frame), x = -spsi_largest_albedo(frame) * expm1(-depth);
+        const double depth = spsi_densest_path(context, frame), x = -spsi_largest_albedo(frame) * expm1(-depth);
         if (depth < 0) return context->result;
         *bound = x < 1 ? spsi_dmin(x / (1 - x), SPSI_BOUND_NONE) : SPSI_BOUND_NONE;
     }
@@ -6491,7 +6491,7 @@ static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     return hash | 1;
 }
 
-SPSI_COLD int spsi_faces_held(const sps_context *context, const spsi_frame *frame) {
+SPSI_COLD int spsi_faces_cached(const sps_context *context, const spsi_frame *frame) {
     const uint64_t fingerprint = spsi_meshes_fingerprint(frame);
     return fingerprint != 0 && fingerprint == context->faces_held;
 }
@@ -6528,7 +6528,7 @@ SPSI_COLD sps_result spsi_read_faces(sps_context *context, const spsi_frame *fra
 SPSI_COLD sps_result spsi_gather_faces(sps_context *context, const spsi_frame *frame, spsi_faces *faces) {
     memset(faces, 0, sizeof *faces);
     if (frame->meshes.triangle_count == 0) return SPS_OK;
-    if (!spsi_faces_held(context, frame)) {
+    if (!spsi_faces_cached(context, frame)) {
         context->faces_held = 0;
         context->tree_held = 0;
         if (spsi_read_faces(context, frame)) return context->result;
@@ -7100,8 +7100,8 @@ typedef struct spsi_group {
 #define SPSI_GROUP_COLOR  (1 / 64.0) /* maximum difference */
 #define SPSI_GROUP_DEPTH  0.5        /* distance from the plane, in pixels */
 
-static void spsi_group_look(const spsi_layers_job *job, const spsi_rays *rays, const spsi_hit *hit, int x, int y,
-                            spsi_group *group) {
+static void spsi_group_describe(const spsi_layers_job *job, const spsi_rays *rays, const spsi_hit *hit, int x, int y,
+                                spsi_group *group) {
     spsi_surface_at(rays, job->faces, hit, x, y, &group->surface);
     spsi_normalise(group->surface.normal);
     spsi_face_color(&job->faces->list[hit->face], hit, group->color);
@@ -7114,7 +7114,7 @@ static void spsi_group_begin(const spsi_layers_job *job, int face, float depth, 
     spsi_face_edges(job->faces, face, &job->fine, &e);
     spsi_face_hit(&e, x, y, w);
     const spsi_hit hit = {depth, face, {(float)w[1], (float)w[2]}};
-    spsi_group_look(job, &job->fine, &hit, x, y, group);
+    spsi_group_describe(job, &job->fine, &hit, x, y, group);
     group->mask = 0;
 }
 
@@ -7164,7 +7164,7 @@ static int spsi_group_is_all(const spsi_layers_job *job, const spsi_group *group
     spsi_group centre;
     if (group->mask != all || hit->face < 0) return 0;
     if (hit->face == group->face) return 1;
-    spsi_group_look(job, job->rays, hit, x, y, &centre);
+    spsi_group_describe(job, job->rays, hit, x, y, &centre);
     return spsi_groups_agree(job, group, &centre);
 }
 
@@ -7787,8 +7787,8 @@ static inline double spsi_reach_of(const double a[3]) { return fabs(a[0]) + fabs
 
 /* True if d passes between corners relative to its origin. Uncertain signs count as inside: no ray slips between faces,
    whatever compilers contract. Round-off is below 8 * 2^-53 of the lengths' product, bounded by component sums. */
-static inline int spsi_edges_hold(const double a[3], const double b[3], const double c[3], const double d[3], double ab,
-                                  double bc, double ac) {
+static inline int spsi_edges_contain(const double a[3], const double b[3], const double c[3], const double d[3],
+                                     double ab, double bc, double ac) {
     const double ra = spsi_reach_of(a), rb = spsi_reach_of(b), rc = spsi_reach_of(c), rab = ra > rb ? ra : rb;
     const double longest = rab > rc ? rab : rc, room = 1e-15 * spsi_reach_of(d) * longest * longest;
     return ((ab >= -room) & (bc >= -room) & (ac <= room)) | ((ab <= room) & (bc <= room) & (ac >= -room));
@@ -7813,7 +7813,7 @@ static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int
         const double ab = spsi_edge_side(a, b, d), bc = spsi_edge_side(b, c, d), ac = spsi_edge_side(a, c, d);
         const double facing = n[0] * d[0] + n[1] * d[1] + n[2] * d[2], turn = facing < 0 ? -1 : 1;
         const double ahead = turn * (n[0] * a[0] + n[1] * a[1] + n[2] * a[2]);
-        const int inside = spsi_edges_hold(a, b, c, d, ab, bc, ac);
+        const int inside = spsi_edges_contain(a, b, c, d, ab, bc, ac);
         stops[i] = (inside & (ahead > room) & (ahead < packet->reach * (turn * facing))) ? 1 : 0;
     }
     for (int i = 0; i < SPSI_LANES; ++i) bits |= (stops[i] > 0) << i;
@@ -8069,7 +8069,7 @@ static int spsi_face_meets(const spsi_face *face, const spsi_ray *ray, double ro
     ab = spsi_edge_side(a, b, d), bc = spsi_edge_side(b, c, d), ac = spsi_edge_side(a, c, d);
     facing = spsi_dot(n, d);
     ahead = facing < 0 ? -spsi_dot(n, a) : spsi_dot(n, a);
-    if (!spsi_edges_hold(a, b, c, d, ab, bc, ac) || !(fabs(facing) > 0) || !(ahead > room)) return 0;
+    if (!spsi_edges_contain(a, b, c, d, ab, bc, ac) || !(fabs(facing) > 0) || !(ahead > room)) return 0;
     *t = ahead / fabs(facing);
     if (!(*t > ray->low && *t < ray->high) || !(fabs(ab + bc - ac) > 0)) return 0;
     weights[0] = (float)(-ac / (ab + bc - ac));
@@ -8212,29 +8212,27 @@ SPSI_COLD int spsi_light_texels_most(const spsi_frame *frame) {
 }
 
 /* True if light is transported through cells, or may be while SPS_SCATTERING_AUTO is undecided. */
-static int spsi_scatters_fully(const spsi_frame *frame) {
+static int spsi_uses_cells(const spsi_frame *frame) {
     return (frame->view.scattering == SPS_SCATTERING_MULTIPLE || frame->view.scattering == SPS_SCATTERING_AUTO) &&
            spsi_light_meets_gas(frame);
 }
 
-static int spsi_needs_tree(const spsi_frame *frame) {
-    return frame->lights.shadow_count > 0 || spsi_scatters_fully(frame);
-}
+static int spsi_needs_tree(const spsi_frame *frame) { return frame->lights.shadow_count > 0 || spsi_uses_cells(frame); }
 
 /* True if light is spread by convolution, >>spreading. */
-static int spsi_scatters_aside(const spsi_frame *frame) {
+static int spsi_convolves(const spsi_frame *frame) {
     return frame->view.scattering == SPS_SCATTERING_CONVOLUTION && frame->matter.scatters &&
            frame->lights.shadow_count > 0;
 }
 
 static int spsi_scatters_forward(const spsi_frame *frame) {
     const int lit = frame->matter.scatters && frame->lights.shadow_count > 0;
-    if (spsi_scatters_fully(frame)) return lit && frame->matter.orders > 1;
-    return lit && (frame->view.scattering == SPS_SCATTERING_FORWARD || spsi_scatters_aside(frame));
+    if (spsi_uses_cells(frame)) return lit && frame->matter.orders > 1;
+    return lit && (frame->view.scattering == SPS_SCATTERING_FORWARD || spsi_convolves(frame));
 }
 
 static int spsi_scatters_multiply(const spsi_frame *frame) {
-    return spsi_scatters_fully(frame) || spsi_scatters_forward(frame);
+    return spsi_uses_cells(frame) || spsi_scatters_forward(frame);
 }
 
 /* Optical depth that terminates light rays. */
@@ -8286,7 +8284,7 @@ SPSI_COLD double spsi_light_texel(const spsi_frame *frame, const spsi_light *lig
 
 /* Distance until eight points, with constant rates in ray coordinates (x t, y t, t), have left the image across one
    side; or infinity. */
-SPSI_COLD double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double rates[8][3]) {
+SPSI_COLD double spsi_path_in_image(const spsi_rays *eye, double q[8][3], double rates[8][3]) {
     double end = HUGE_VAL;
     for (int side = 0; side < 4; ++side) {
         const int k = side / 2, size = k ? eye->height : eye->width;
@@ -8318,7 +8316,7 @@ SPSI_COLD double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_light *sh
         }
         spsi_point_to_rays(eye, point, q[corner]);
     }
-    if (falls) end = spsi_way_in_image(eye, q, rates);
+    if (falls) end = spsi_path_in_image(eye, q, rates);
     for (int i = 0; i < 8; ++i) nearest = spsi_dmin(nearest, rates[i][2] < 0 ? q[i][2] + end * rates[i][2] : q[i][2]);
     const double breadth = spsi_dmin(spsi_length(eye->a), spsi_length(eye->b));
     return eye->perspective ? breadth * spsi_dmax(nearest, spsi_dmax(eye->near_depth, 0)) : breadth;
@@ -8596,7 +8594,7 @@ static void spsi_projection_at(const spsi_frame *frame, const spsi_light *light,
    17 Depth maps: polygons between the medium and a light. Cost: the rasteriser's, and 12 bytes per texel; six faces
    have 1.5 times one's texels. */
 
-#define SPSI_CELL      16 /* texels per side */
+#define SPSI_DEPTH_MAP_CELL 16   /* texels per side */
 #define SPSI_STEEP 1024 /* maximum slope of a plane, in texels per texel */
 
 /* Per texel, the plane of the nearest polygon, evaluated on the medium's ray. Planes shade nothing in front, however
@@ -8617,11 +8615,11 @@ SPSI_COLD int spsi_depth_map_size(const spsi_frame *frame) {
     return spsi_imax(8, spsi_imax(frame->view.shadow_resolution, frame->accuracy.depth_map_texels));
 }
 
-static int spsi_depth_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
+static int spsi_depth_map_cells(int size) { return (size + SPSI_DEPTH_MAP_CELL - 1) / SPSI_DEPTH_MAP_CELL; }
 
 /* Maximum for one face of `size` texels, or six of half. */
 SPSI_COLD size_t spsi_depth_map_floats_most(size_t size) {
-    const size_t cells = size / SPSI_CELL + 2, texels = size * size / 2 * 3 + SPSI_CUBE_FACES * 64;
+    const size_t cells = size / SPSI_DEPTH_MAP_CELL + 2, texels = size * size / 2 * 3 + SPSI_CUBE_FACES * 64;
     return 3 * texels + 2 * SPSI_CUBE_FACES * cells * cells;
 }
 
@@ -8707,7 +8705,8 @@ static void spsi_map_plane_slopes(spsi_map_plane *plane, int number, int x, int 
     if (plane->rays->perspective) t = (double)depth + plane->rays->depth_reference;
     slope[0] = spsi_map_slope(plane->a, facing, t, SPSI_STEEP * t * plane->texel);
     slope[1] = spsi_map_slope(plane->b, facing, t, SPSI_STEEP * t * plane->texel);
-    cells[x / SPSI_CELL] = spsi_fmin(cells[x / SPSI_CELL], depth - fabsf(slope[0]) - fabsf(slope[1]));
+    cells[x / SPSI_DEPTH_MAP_CELL] =
+        spsi_fmin(cells[x / SPSI_DEPTH_MAP_CELL], depth - fabsf(slope[0]) - fabsf(slope[1]));
 }
 
 /* Makes translucent planes from fragments, or slopes from the rasteriser's face numbers. Lowers cells. */
@@ -8739,7 +8738,8 @@ static void spsi_planes_task(void *data, int index) {
     const int columns = job->map->cells[job->face], height = job->map->rays[job->face].height;
     float *cells = job->map->nearest[job->face] + (size_t)(spsi_depth_map_cells(height) + index) * (size_t)columns;
     for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
-    for (int y = index * SPSI_CELL; y < spsi_imin(height, (index + 1) * SPSI_CELL); ++y) spsi_planes_row(job, y, cells);
+    for (int y = index * SPSI_DEPTH_MAP_CELL; y < spsi_imin(height, (index + 1) * SPSI_DEPTH_MAP_CELL); ++y)
+        spsi_planes_row(job, y, cells);
 }
 
 /* Minima of each cell and its neighbours, from the single cells, which follow. */
@@ -8791,10 +8791,10 @@ typedef struct spsi_map_segment {
 static inline void spsi_map_ends(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
                                  spsi_v q[2][3], spsi_v t[2]) {
     const spsi_rays *rays = &map->rays[face];
-    spsi_row_linears courses;
-    spsi_row_linears_build(map->along[face], at, y, &courses);
+    spsi_row_linears linears;
+    spsi_row_linears_build(map->along[face], at, y, &linears);
     for (int end = 0; end < 2; ++end) {
-        spsi_row_linears_at(&courses, d[end], q[end]);
+        spsi_row_linears_at(&linears, d[end], q[end]);
         t[end] = rays->perspective ? spsi_add(q[end][2], spsi_set((float)rays->depth_reference)) : spsi_set(1);
         for (int i = 0; i < 2 && rays->perspective; ++i)
             q[end][i] = spsi_div(q[end][i], spsi_max(t[end], spsi_set(FLT_MIN * 16)));
@@ -8882,9 +8882,9 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, s
     for (int i = 0; i < 2; ++i) {
         const spsi_v low = spsi_min(q[0][i], q[1][i]), high = spsi_max(q[0][i], q[1][i]);
         clear |= (spsi_bits(spsi_less(high, zero)) | spsi_bits(spsi_less(spsi_set(size[i]), low))) & ~crossing;
-        *wide |= spsi_bits(spsi_less(spsi_set(2 * SPSI_CELL - 4), spsi_sub(high, low)));
+        *wide |= spsi_bits(spsi_less(spsi_set(2 * SPSI_DEPTH_MAP_CELL - 4), spsi_sub(high, low)));
         cell[i] = spsi_clamp(spsi_mul(half, spsi_add(low, high)), zero, spsi_set(size[i]));
-        cell[i] = spsi_floor(spsi_mul(cell[i], spsi_set(1.0f / SPSI_CELL)));
+        cell[i] = spsi_floor(spsi_mul(cell[i], spsi_set(1.0f / SPSI_DEPTH_MAP_CELL)));
     }
     *wide &= ~clear;
     return ~clear & spsi_bits(spsi_less(spsi_lookup(map->nearest[face], map->cells[face], cell[0], cell[1]),
@@ -8942,10 +8942,10 @@ static void spsi_translucent_segment_build(const spsi_translucency_map *map, int
                                            const spsi_v d[2], spsi_map_segment *way) {
     const spsi_rays *rays = &map->grid.rays[face];
     const spsi_v half = spsi_set(0.5f), rise = spsi_mul(half, spsi_sub(d[1], d[0])), most = spsi_set(1e9f);
-    spsi_row_linears courses;
-    spsi_row_linears_build(map->grid.along[face], at, y, &courses);
-    spsi_row_linears_at(&courses, spsi_mul(half, spsi_add(d[0], d[1])), way->middle);
-    for (int i = 0; i < 3; ++i) way->rise[i] = spsi_mul(rise, courses.slope[i]);
+    spsi_row_linears linears;
+    spsi_row_linears_build(map->grid.along[face], at, y, &linears);
+    spsi_row_linears_at(&linears, spsi_mul(half, spsi_add(d[0], d[1])), way->middle);
+    for (int i = 0; i < 3; ++i) way->rise[i] = spsi_mul(rise, linears.slope[i]);
     const spsi_v t = spsi_max(spsi_add(way->middle[2], spsi_set((float)rays->depth_reference)), spsi_set(FLT_MIN * 16));
     for (int i = 0; i < 2 && rays->perspective; ++i) {
         way->middle[i] = spsi_div(way->middle[i], t);
@@ -9511,7 +9511,7 @@ SPSI_COLD void spsi_eye_direction(const spsi_frame *frame, double direction[3]) 
         memcpy(direction, to_centre, sizeof to_centre);
 }
 
-SPSI_COLD const char *spsi_gases(const spsi_frame *frame) {
+SPSI_COLD const char *spsi_medium_name(const spsi_frame *frame) {
     return frame->particles.set_count > 0 ? "volumes or particles" : "volumes";
 }
 
@@ -9523,12 +9523,12 @@ SPSI_COLD sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_fr
         SPS_SNPRINTF(rest, sizeof rest,
                      "is inside or too close to the %s: one of its rays meets the slabs at a cosine of %g, and 0.1 is "
                      "needed; move it away, or set shadow_source or no_shadow on it",
-                     spsi_gases(frame), cosine);
+                     spsi_medium_name(frame), cosine);
     else if (sweep->light->is_point)
         SPS_SNPRINTF(rest, sizeof rest,
                      "is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about their "
                      "middle; move it away, or set shadow_source or no_shadow on it",
-                     spsi_gases(frame));
+                     spsi_medium_name(frame));
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, sweep->light->index, "", cosine, rest);
 }
 
@@ -10770,8 +10770,8 @@ typedef struct spsi_sphere_footprint {
 } spsi_sphere_footprint;
 
 /* Slab planes along chords, in half chords from the middle. */
-static inline void spsi_print_planes(const spsi_sphere_footprint *print, const spsi_chord *chord, int x, int y,
-                                     int clamped, spsi_sections *sections) {
+static inline void spsi_footprint_planes(const spsi_sphere_footprint *print, const spsi_chord *chord, int x, int y,
+                                         int clamped, spsi_sections *sections) {
     const spsi_tile *tile = print->tile;
     const spsi_sphere_setup *crossing = print->crossing;
     const spsi_projected_sphere *projected = print->projected;
@@ -10813,7 +10813,7 @@ static inline void spsi_splat_sphere_at(const spsi_sphere_footprint *print, int 
     spsi_sphere_chord(print->crossing->rays, sphere, x, y, &chord);
     inside = spsi_and(spsi_less(zero, chord.share), spsi_less(spsi_iota(), spsi_set((float)(print->x1 - x) + 0.5f)));
     if (!spsi_bits(inside)) return;
-    spsi_print_planes(print, &chord, x, y, clamped, sections);
+    spsi_footprint_planes(print, &chord, x, y, clamped, sections);
     spsi_v weight = spsi_mul(spsi_mul(chord.half, spsi_set(2)), spsi_set(print->projected->weight));
     if (sphere->soft) weight = spsi_mul(weight, spsi_mul(spsi_mul(chord.share, chord.share), spsi_set(2.0f / 3)));
     sections->weight = spsi_select(inside, weight, zero);
@@ -11447,7 +11447,7 @@ typedef struct spsi_sampler_rays {
     spsi_v at[3], change[3];    /* coordinates at depth 0; change with depth */
     spsi_v nearest, limit;      /* depths where rays begin, and where polygons end them */
     spsi_sampler_line lines[2]; /* even and odd samples */
-    int swings;                 /* 0: all samples are on the first line */
+    int alternates;             /* 0: all samples are on the first line */
     int steps;                  /* samples per slab */
     int lanes;                  /* mask of active rays */
     const int *by_slab;         /* mask of rays per slab, beginning one slab early */
@@ -11488,11 +11488,11 @@ static inline void spsi_sampler_rays_build(const spsi_sampler *t, const spsi_til
     const spsi_v down = spsi_set((float)row / (float)t->side - t->aside);
     rays->steps = steps;
     rays->lanes = SPSI_ALL_LANES;
-    rays->swings = t->rays == 2;
+    rays->alternates = t->rays == 2;
     x = spsi_add(x, right);
     spsi_sampler_line_build(t, tile, x, spsi_add(y, down), steps, &rays->lines[0]);
-    if (rays->swings) spsi_sampler_line_build(t, tile, x, spsi_sub(y, down), steps, &rays->lines[1]);
-    if (!rays->swings) y = spsi_add(y, down);
+    if (rays->alternates) spsi_sampler_line_build(t, tile, x, spsi_sub(y, down), steps, &rays->lines[1]);
+    if (!rays->alternates) y = spsi_add(y, down);
     rays->base = spsi_linear_base_at(&t->slab, x, y);
     rays->per_slab = spsi_div(spsi_set(1), spsi_linear_slope_at(&t->slab, x, y));
     for (int k = 0; k < 3; ++k) {
@@ -11514,7 +11514,7 @@ static inline void spsi_sampler_rays_limit(const spsi_sampler *t, const spsi_til
     end = spsi_fma(slope, rays->limit, rays->base);
     low = spsi_mul(spsi_floor(spsi_clamp(spsi_min(begin, end), spsi_set(0), last)), steps);
     high = spsi_mul(spsi_floor(spsi_clamp(spsi_max(begin, end), spsi_set(-1), last)), steps);
-    for (int n = 0; n <= rays->swings; ++n) {
+    for (int n = 0; n <= rays->alternates; ++n) {
         spsi_sampler_line *line = &rays->lines[n];
         line->first = spsi_max(line->first, spsi_sub(low, spsi_set(1)));
         line->end = spsi_min(line->end, spsi_add(high, spsi_add(steps, spsi_set(1))));
@@ -11523,7 +11523,7 @@ static inline void spsi_sampler_rays_limit(const spsi_sampler *t, const spsi_til
 
 static inline spsi_v spsi_sampler_sample(const spsi_sampler *t, const spsi_sampler_rays *rays, int n, int lanes,
                                          uint64_t *count) {
-    const spsi_sampler_line *line = &rays->lines[n & rays->swings];
+    const spsi_sampler_line *line = &rays->lines[n & rays->alternates];
     const spsi_v number = spsi_set((float)n);
     spsi_v place[3];
     lanes &= rays->lanes & spsi_bits(spsi_less(number, line->end)) & ~spsi_bits(spsi_less(number, line->first));
@@ -11584,7 +11584,7 @@ static spsi_v spsi_sampler_cut(const spsi_sampler *t, const spsi_sampler_rays *r
 /* Range of needed slabs, within one slab of the samples. */
 static inline void spsi_sampler_slabs(const spsi_sampler_rays *rays, int count, int slabs[2]) {
     float low = SPSI_INFINITY, high = -SPSI_INFINITY;
-    for (int n = 0; n <= rays->swings; ++n) {
+    for (int n = 0; n <= rays->alternates; ++n) {
         float first[SPSI_LANES], end[SPSI_LANES];
         spsi_store(first, rays->lines[n].first);
         spsi_store(end, rays->lines[n].end);
@@ -11964,7 +11964,7 @@ static void spsi_footprint_variances(const spsi_splatter *s, const double q[3], 
     *area = sqrt(spsi_dmax(xx * yy - xy * xy, 0));
 }
 
-typedef enum spsi_verdict {
+typedef enum spsi_fill_choice {
     SPSI_SPLAT_ASKED = 0,
     SPSI_SPLAT_SMALL, /* smaller than the pixel filter */
     SPSI_SPLAT_NEAR,
@@ -11976,9 +11976,9 @@ typedef enum spsi_verdict {
     SPSI_DEPOSITED,  /* likewise, smaller than samples */
     SPSI_GATHER_ASKED,
     SPSI_GATHER_CHEAPER
-} spsi_verdict;
+} spsi_fill_choice;
 
-static inline int spsi_gathers(spsi_verdict verdict) { return verdict >= SPSI_GATHER_ASKED; }
+static inline int spsi_gathers(spsi_fill_choice verdict) { return verdict >= SPSI_GATHER_ASKED; }
 
 /* Path of the ray through `q` across a slab, in voxels along each axis. */
 SPSI_COLD void spsi_sampler_longest(const spsi_sampler *sampler, const spsi_rays *rays, const double q[3],
@@ -12005,8 +12005,8 @@ SPSI_COLD double spsi_sampler_density(const spsi_sampler *sampler, const spsi_ra
     return steps * spsi_imin(sampler->rays, 4) / fabs(spsi_determinant(across[0], across[1], way));
 }
 
-SPSI_COLD spsi_verdict spsi_sampler_serves_at(spsi_sampler *sampler, const spsi_rays *rays,
-                                              const spsi_splatter *splatter, const double q[3]) {
+SPSI_COLD spsi_fill_choice spsi_sampler_serves_at(spsi_sampler *sampler, const spsi_rays *rays,
+                                                  const spsi_splatter *splatter, const double q[3]) {
     const double pitch = spsi_dmin(spsi_length(rays->a), spsi_length(rays->b));
     const double finer = (double)(sampler->side << sampler->level);
     const int many = sampler->level > 0 && sampler->side > 2; /* lone voxels keep their mass better */
@@ -12040,12 +12040,12 @@ SPSI_COLD void spsi_sampler_point(const spsi_sampler *sampler, const spsi_lattic
 }
 
 /* Tests voxel size against texels, distance from the rays' origin, and slab thickness. */
-SPSI_COLD spsi_verdict spsi_sampler_serves(spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays,
-                                           const spsi_splatter *splatter) {
+SPSI_COLD spsi_fill_choice spsi_sampler_serves(spsi_sampler *sampler, const spsi_lattice *lattice,
+                                               const spsi_rays *rays, const spsi_splatter *splatter) {
     for (int corner = 0; corner < 8; ++corner) {
         double q[3];
         spsi_sampler_point(sampler, lattice, rays, corner, q);
-        spsi_verdict verdict = spsi_sampler_serves_at(sampler, rays, splatter, q);
+        spsi_fill_choice verdict = spsi_sampler_serves_at(sampler, rays, splatter, q);
         if (!spsi_gathers(verdict)) return verdict;
     }
     return SPSI_GATHER_ASKED;
@@ -12119,15 +12119,15 @@ static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *ray
    exact as one through means, and needs only adjacent slabs. Slabs as thick as pixels demand also get one; a mean of
    several would be classified wrongly. Nine rays replace four that lose a lone voxel's mass, or whose 4 taps cut off
    its edge. */
-SPSI_COLD spsi_verdict spsi_sampler_try(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
-                                        const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int count,
-                                        spsi_sampler *sampler) {
+SPSI_COLD spsi_fill_choice spsi_sampler_try(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
+                                            const spsi_slabs *slabs, const spsi_splatter *splatter, int level,
+                                            int count, spsi_sampler *sampler) {
     spsi_sampler_build(frame->content->fields, lattice, rays, slabs, level, count, sampler);
     sampler->wanted = (int)frame->content->levels[lattice->medium];
     sampler->least = FLT_MAX;
     sampler->mix = level == sampler->wanted ? frame->content->levels[lattice->medium] - (float)level : 0;
     sampler->lone = !(splatter->filter > 0) && (slabs->wide || spsi_sampler_is_fine(sampler, lattice, rays));
-    spsi_verdict verdict = spsi_sampler_serves(sampler, lattice, rays, splatter);
+    spsi_fill_choice verdict = spsi_sampler_serves(sampler, lattice, rays, splatter);
     sampler->side +=
         level > 0 && count == 4 && (sampler->fields->taps == 4 || sampler->least < (float)SPSI_SAMPLER_LONE);
     sampler->rays = sampler->side == 3 ? 9 : count;
@@ -12137,14 +12137,15 @@ SPSI_COLD spsi_verdict spsi_sampler_try(const spsi_frame *frame, const spsi_latt
 
 /* Decides how a volume fills sheets, and builds its sampler: the frame's level with the fewest rays that suffice. If
    none is chosen yet: the finest level for two or four rays, else the coarsest, the cheapest. */
-SPSI_COLD spsi_verdict spsi_sampler_judge(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
-                                          const spsi_slabs *slabs, const spsi_splatter *splatter,
-                                          spsi_sample_pattern pattern, spsi_sampler *sampler) {
+SPSI_COLD spsi_fill_choice spsi_sampler_judge(const spsi_frame *frame, const spsi_lattice *lattice,
+                                              const spsi_rays *rays, const spsi_slabs *slabs,
+                                              const spsi_splatter *splatter, spsi_sample_pattern pattern,
+                                              spsi_sampler *sampler) {
     const spsi_pyramid *fields = frame->content->fields;
     const float chosen = frame->content->levels[lattice->medium];
     const int levels = spsi_levels_wanted(frame, lattice->medium), wanted = (int)chosen;
     const int most = pattern == SPSI_SAMPLER_SHEETS || chosen > 0 ? SPSI_SAMPLER_RAYS : 0, few = wanted > 0 ? 4 : 2;
-    spsi_verdict verdict = SPSI_SPLAT_SMALL;
+    spsi_fill_choice verdict = SPSI_SPLAT_SMALL;
     if (!fields) return SPSI_SPLAT_ASKED;
     if (fields->list[lattice->medium].count == 0) return SPSI_SPLAT_SPREAD;
     if (wanted < 0) return SPSI_SPLAT_CHEAPER;
@@ -12184,7 +12185,7 @@ static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, c
         spsi_splatter splatter;
         spsi_sampler sampler;
         if (!spsi_splatter_build(lattice, rays, slabs, 1, frame->accuracy.cut, &splatter)) continue; /* refused */
-        spsi_verdict verdict =
+        spsi_fill_choice verdict =
             spsi_sampler_judge(frame, lattice, rays, slabs, &splatter, SPSI_SAMPLER_PIXELS, &sampler);
         if (verdict == SPSI_SPLAT_CHEAPER && chooses && sampler.level > 0) frame->content->levels[m] = -1;
         if (!spsi_gathers(verdict)) continue;
@@ -12311,8 +12312,8 @@ SPSI_COLD sps_result spsi_pyramids_place(sps_context *context, const spsi_frame 
     spsi_pyramid *fields = (spsi_pyramid *)spsi_reserve(context, SPSI_BUFFER_PYRAMIDS, 1, sizeof *fields);
     if (!fields) return context->result;
     frame->content->fields = fields;
-    if (context->fields_held == spsi_pyramids_wanted(frame)) return SPS_OK;
-    context->fields_held = 0;
+    if (context->pyramids_cached == spsi_pyramids_wanted(frame)) return SPS_OK;
+    context->pyramids_cached = 0;
     fields->filled = fields->leveled = 0;
     fields->bent = 0;
     spsi_pyramids_weigh(fields, taps);
@@ -12326,7 +12327,7 @@ SPSI_COLD sps_result spsi_pyramids_place(sps_context *context, const spsi_frame 
         memory = spsi_pyramid_lay(field, memory);
         spsi_pyramid_number((const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data, taps, field);
     }
-    context->fields_held = spsi_pyramids_wanted(frame);
+    context->pyramids_cached = spsi_pyramids_wanted(frame);
     return SPS_OK;
 }
 
@@ -12365,7 +12366,7 @@ SPSI_COLD sps_result spsi_pyramids_fill(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-static int spsi_levels_held(const spsi_frame *frame, int medium, int most) {
+static int spsi_levels_cached(const spsi_frame *frame, int medium, int most) {
     return frame->content->fields->list[medium].count > 0 ? spsi_imin(most, spsi_levels_wanted(frame, medium)) : 0;
 }
 
@@ -12373,7 +12374,7 @@ static int spsi_levels_held(const spsi_frame *frame, int medium, int most) {
 SPSI_COLD size_t spsi_levels_number(const spsi_frame *frame, int levels, int *memory, spsi_pyramid *fields) {
     size_t count = 0;
     for (int m = 0; m < frame->medium_count; ++m)
-        for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n) {
+        for (int n = 0; n < spsi_levels_cached(frame, m, levels); ++n) {
             spsi_pyramid_level *level = &fields->levels[m][n];
             memory = spsi_pyramid_lay(level, memory);
             spsi_level_number(n ? level - 1 : &fields->list[m], level);
@@ -12389,7 +12390,8 @@ SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *fr
     if (fields->leveled >= levels) return SPS_OK;
     fields->leveled = 0;
     for (int m = 0; m < frame->medium_count; ++m)
-        for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n) cells += spsi_pyramid_cells(&fields->levels[m][n]);
+        for (int n = 0; n < spsi_levels_cached(frame, m, levels); ++n)
+            cells += spsi_pyramid_cells(&fields->levels[m][n]);
     int *grids = (int *)spsi_reserve(context, SPSI_BUFFER_LEVEL_GRIDS, cells, SPSI_PYRAMID_GRID_BYTES);
     if (!grids) return context->result;
     stock.count = spsi_levels_number(frame, levels, grids, fields);
@@ -12397,7 +12399,7 @@ SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *fr
         (float *)spsi_reserve(context, SPSI_BUFFER_LEVEL_VALUES, stock.count, spsi_pyramid_brick_bytes(fields->taps));
     if (!stock.values) return context->result;
     for (int m = 0; m < frame->medium_count; ++m)
-        for (int n = 0; n < spsi_levels_held(frame, m, levels); ++n)
+        for (int n = 0; n < spsi_levels_cached(frame, m, levels); ++n)
             spsi_pyramid_fill(context, frame, m, &stock, n ? &fields->levels[m][n - 1] : &fields->list[m],
                               &fields->levels[m][n]);
     fields->leveled = levels;
@@ -12555,7 +12557,7 @@ typedef struct spsi_target {
     int columns, rows;  /* tiles */
     spsi_shape shape;
     int channels[SPSI_VOLUMES_MAX];          /* per lattice; -1: not filled */
-    spsi_verdict verdicts[SPSI_VOLUMES_MAX]; /* gathered: by `samplers` */
+    spsi_fill_choice verdicts[SPSI_VOLUMES_MAX]; /* gathered: by `samplers` */
     spsi_sampler samplers[SPSI_VOLUMES_MAX];
     int set_channels[SPSI_SETS_MAX];
     spsi_target_kind kind;
@@ -12868,7 +12870,7 @@ SPSI_COLD sps_result spsi_contents_pyramids(const spsi_contents *contents) {
     if (gathers && spsi_pyramids_fill(context, contents->frame)) return context->result;
     if (interpolates && spsi_pyramids_thirds(context, contents->frame)) return context->result;
     if (level > 0 && spsi_levels_fill(context, contents->frame, level)) return context->result;
-    context->pace.seconds_fields += spsi_clock(context) - start;
+    context->pace.seconds_pyramids += spsi_clock(context) - start;
     return SPS_OK;
 }
 
@@ -13683,7 +13685,7 @@ static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, f
 }
 
 /* Converts world offsets to texel coordinates and t - near_depth. Returns the cube faces. */
-static spsi_v spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], spsi_v seen[3]) {
+static spsi_v spsi_tmap_project_to_cube(const sps_tmap *map, const spsi_v offset[3], spsi_v seen[3]) {
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), last = spsi_set((float)map->rays[0].width - 1);
     const spsi_v x = spsi_abs(offset[0]), y = spsi_abs(offset[1]), z = spsi_abs(offset[2]);
     const spsi_m is_y = spsi_less(x, y), is_z = spsi_less(spsi_max(x, y), z);
@@ -13704,7 +13706,7 @@ static void spsi_quads_build(const sps_tmap *map, const spsi_v q[3], spsi_tmap_q
     const spsi_v zero = spsi_set(0), one = spsi_set(1), per_depth = spsi_set((float)map->per_depth);
     spsi_v seen[3] = {q[0], q[1], q[2]}, shares[2][2], face = zero;
     if (map->face_count > 1) {
-        face = spsi_tmap_see_round(map, q, seen);
+        face = spsi_tmap_project_to_cube(map, q, seen);
     } else if (map->rays[0].perspective) {
         const spsi_v distance = spsi_add(q[2], spsi_set((float)map->settings.near_depth));
         const spsi_v scale = spsi_div(one, spsi_max(distance, spsi_set(FLT_MIN * 16)));
@@ -14286,7 +14288,7 @@ static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
 }
 
 /* Moves items to their final place; fits again if they did not fit into the list. */
-static void spsi_fit_again(const spsi_fitting *fitting, size_t texel) {
+static void spsi_fit_place_items(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
     const size_t in_band = texel - filling->band.first_texel, item = filling->map->technique->lists;
     const uint32_t *starts = (const uint32_t *)filling->map->data.starts.data + texel;
@@ -14310,7 +14312,7 @@ static void spsi_fit_task(void *data, int index, int worker) {
     for (int i = 0; i < into.width; ++i) {
         const size_t texel = spsi_map_tile_texel(&into, into.x0 + i, into.y0 + index / filling->band.tiles_x);
         if (filling->has_sizes)
-            spsi_fit_again(&fitting, texel);
+            spsi_fit_place_items(&fitting, texel);
         else
             spsi_fit_texel(&fitting, texel);
     }
@@ -16275,7 +16277,7 @@ static void spsi_spread_along(const spsi_spread_light *light, int side, float **
 }
 
 /* Transposes. */
-static void spsi_spread_turn(const spsi_spread_light *light, int side, const float *part, float *turned) {
+static void spsi_spread_transpose(const spsi_spread_light *light, int side, const float *part, float *turned) {
     const size_t from = (size_t)light->pitch[side], to = (size_t)light->pitch[!side];
     const int lines = light->size[!side], block = 16; /* one cache line */
     for (int first = 0; first < lines; first += block)
@@ -16294,9 +16296,9 @@ static void spsi_spread_step(const spsi_spread_light *light, const spsi_spread_s
         memcpy(part, light->part[beam], sizeof part);
         if (sheet->sides & 1) spsi_spread_along(light, 0, part[0], from, least);
         if (!(sheet->sides & 2)) continue;
-        for (int i = from; i < SPSI_SPREAD_PARTS; ++i) spsi_spread_turn(light, 0, part[0][i], part[1][i]);
+        for (int i = from; i < SPSI_SPREAD_PARTS; ++i) spsi_spread_transpose(light, 0, part[0][i], part[1][i]);
         spsi_spread_along(light, 1, part[1], from, least);
-        for (int i = from; i < SPSI_SPREAD_PARTS; ++i) spsi_spread_turn(light, 1, part[1][i], part[0][i]);
+        for (int i = from; i < SPSI_SPREAD_PARTS; ++i) spsi_spread_transpose(light, 1, part[1][i], part[0][i]);
     }
 }
 
@@ -16792,7 +16794,7 @@ SPSI_COLD double spsi_bytes_without_tables(const sps_context *context, const sps
 }
 
 /* Chooses a table (1) or sheets (0). */
-SPSI_COLD void spsi_light_take(spsi_light *light, int table, spsi_choice choice) {
+SPSI_COLD void spsi_light_choose_table(spsi_light *light, int table, spsi_choice choice) {
     light->has_map = table;
     light->sliced = !table;
     light->choice = choice;
@@ -16815,7 +16817,8 @@ static int spsi_light_tables(const spsi_light *light) {
 
 /* Sets the number of tables, within `room` bytes. One suffices for penumbrae below half a texel; unknown widths count
    as wider. */
-static void spsi_light_fraction(const sps_context *context, const spsi_frame *frame, double *room, spsi_light *light) {
+static void spsi_light_table_count(const sps_context *context, const spsi_frame *frame, double *room,
+                                   spsi_light *light) {
     const int known = frame->meshes.triangle_count == 0 && frame->particles.set_count == 0;
     spsi_rays rays[SPSI_CUBE_FACES];
     spsi_sweep sweep;
@@ -16838,9 +16841,9 @@ SPSI_COLD void spsi_choose_for_unserved(const sps_context *context, const spsi_f
                                         double *room, spsi_light *light) {
     const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_EVEN;
     spsi_rays rays[SPSI_CUBE_FACES];
-    spsi_light_take(light, 1, by_camera ? SPSI_CHOICE_TABLE_CAMERA : SPSI_CHOICE_TABLE_IN_GAS);
-    if (!spsi_light_rays(frame, light, rays)) spsi_light_take(light, 0, SPSI_CHOICE_SHEETS);
-    spsi_light_fraction(context, frame, room, light);
+    spsi_light_choose_table(light, 1, by_camera ? SPSI_CHOICE_TABLE_CAMERA : SPSI_CHOICE_TABLE_IN_GAS);
+    if (!spsi_light_rays(frame, light, rays)) spsi_light_choose_table(light, 0, SPSI_CHOICE_SHEETS);
+    spsi_light_table_count(context, frame, room, light);
     if (light->tables > 1) light->choice = SPSI_CHOICE_TABLES;
 }
 
@@ -16860,8 +16863,8 @@ SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *fra
         spsi_choose_for_unserved(context, frame, &sweep, room, light);
         return;
     }
-    if ((!others && !spsi_scatters_fully(frame)) || frame->matter.classifies || light->extent.exists) return;
-    spsi_light_take(light, 1, others ? SPSI_CHOICE_TABLE_SHARED : SPSI_CHOICE_TABLE_AGAIN);
+    if ((!others && !spsi_uses_cells(frame)) || frame->matter.classifies || light->extent.exists) return;
+    spsi_light_choose_table(light, 1, others ? SPSI_CHOICE_TABLE_SHARED : SPSI_CHOICE_TABLE_AGAIN);
     spsi_light_tmap_bytes(frame, light, &held, &filling);
     const double bytes = (double)held + (double)filling;
     frame->content->bounds = *plain;
@@ -16870,7 +16873,7 @@ SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *fra
     if (fine && bytes + spsi_bytes_without_tables(context, frame, &sweep) <= *room)
         *room -= bytes;
     else
-        spsi_light_take(light, 0, SPSI_CHOICE_SHEETS);
+        spsi_light_choose_table(light, 0, SPSI_CHOICE_SHEETS);
 }
 
 /* Squared, in place or direction. */
@@ -16960,7 +16963,7 @@ SPSI_COLD void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
         if (light->choice == SPSI_CHOICE_OPEN)
             spsi_choose_for_light(context, frame, &plain, frame->lights.sliced_count > 0, &room, light);
         else
-            spsi_light_fraction(context, frame, &room, light);
+            spsi_light_table_count(context, frame, &room, light);
         frame->lights.sliced_count += light->sliced;
     }
     spsi_lights_split(&frame->lights);
@@ -17028,7 +17031,7 @@ SPSI_COLD sps_result spsi_translucency_maps_fill(sps_context *context, const sps
             most = maps[i].counts[face] > most ? maps[i].counts[face] : most;
         }
     spsi_translucent_plane *translucent =
-        (spsi_translucent_plane *)spsi_reserve(context, SPSI_BUFFER_PANES, sum, sizeof *translucent);
+        (spsi_translucent_plane *)spsi_reserve(context, SPSI_BUFFER_TRANSLUCENT_PLANES, sum, sizeof *translucent);
     if (!translucent || !spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, most, sizeof(spsi_fragment)))
         return context->result;
     for (size_t i = 0; i < map_count; ++i) {
@@ -17254,8 +17257,8 @@ SPSI_COLD int spsi_sweep_measures(const spsi_frame *frame, const spsi_sweep *swe
 }
 
 SPSI_COLD sps_result spsi_forward_tables(sps_context *context, spsi_frame *frame) {
-    const int orders = spsi_scatters_fully(frame) ? frame->matter.orders : 0;
-    const int stays = spsi_scatters_aside(frame);
+    const int orders = spsi_uses_cells(frame) ? frame->matter.orders : 0;
+    const int stays = spsi_convolves(frame);
     spsi_forward *forward;
     if (!spsi_scatters_forward(frame)) return SPS_OK;
     forward = (spsi_forward *)spsi_reserve(context, SPSI_BUFFER_FORWARD, (size_t)frame->matter.material_count,
@@ -17833,7 +17836,7 @@ SPSI_COLD void spsi_cells_sweep(spsi_cell_level *level) {
 /* --- the equations --- */
 
 /* 1 - `keep` times the fraction of a cell's source in its own mean radiance, 1 - (1 - e^-t)/t. */
-static inline spsi_v spsi_cell_escaped(const spsi_cell_level *level, const float *keep, size_t at) {
+static inline spsi_v spsi_relaxation_divisor(const spsi_cell_level *level, const float *keep, size_t at) {
     static const float share[SPSI_CELL_LENGTHS] = {24.0f / 315, 768.0f / 2835, 216.0f / 1280, 351384.0f / 725760};
     spsi_v own = spsi_set(0);
     for (int i = 0; i < SPSI_CELL_LENGTHS; ++i)
@@ -17876,7 +17879,7 @@ static void spsi_cells_relax_task(void *data, int z) {
         const float *keep = level->keep[spsi_term_degree(t)], *miss = level->moments[1] + (size_t)t * level->count;
         float *sent = level->sent + (size_t)t * level->count;
         for (size_t at = first; at < first + (size_t)(level->size[1] * level->pitch); at += SPSI_LANES) {
-            const spsi_v more = spsi_div(spsi_load(miss + at), spsi_cell_escaped(level, keep, at));
+            const spsi_v more = spsi_div(spsi_load(miss + at), spsi_relaxation_divisor(level, keep, at));
             spsi_store(sent + at, spsi_add(spsi_load(sent + at), more));
         }
     }
@@ -17954,13 +17957,13 @@ static void spsi_cells_correct_task(void *data, int z) {
                 const float smooth = spsi_cell_rows_at(given, x, coarse->size[0]);
                 const float back = spsi_cell_rows_at(moments, x, coarse->size[0]);
                 const size_t at = row + (size_t)x;
-                if (x % SPSI_LANES == 0) spsi_store(unkept, spsi_cell_escaped(fine, keep, at));
+                if (x % SPSI_LANES == 0) spsi_store(unkept, spsi_relaxation_divisor(fine, keep, at));
                 sent[x] += smooth + keep[at] * back + (miss[x] - smooth) / unkept[x % SPSI_LANES];
             }
         }
 }
 
-static void spsi_cells_ways_task(void *data, int z) {
+static void spsi_cells_paths_task(void *data, int z) {
     static const float ways[SPSI_CELL_LENGTHS] = {1, 1.41421356f, 1.73205081f, 1.10554160f};
     const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
@@ -17995,7 +17998,7 @@ static void spsi_cells_check(spsi_cell_level *level, spsi_item_fn task) {
 
 /* A W-cycle: two cycles of the next coarser level. Coarse levels find their residual by a sweep first. Recursion is as
    deep as there are levels. */
-SPSI_COLD void spsi_cells_v_cycle(spsi_cell_solver *solver, int n) {
+SPSI_COLD void spsi_cells_w_cycle(spsi_cell_solver *solver, int n) {
     spsi_cell_level *level = &solver->levels[n], *coarse = level + 1;
     if (n == solver->level_count - 1) {
         for (int i = 0; i < SPSI_CELL_REPEATS; ++i) spsi_cells_check(level, spsi_cells_relax_task);
@@ -18006,7 +18009,7 @@ SPSI_COLD void spsi_cells_v_cycle(spsi_cell_solver *solver, int n) {
     spsi_cell_step step = {level, coarse, level->moments[1], coarse->given, solver->terms};
     spsi_parallel_items(solver->context, coarse->size[2], spsi_cells_coarsen_task, &step);
     spsi_copy(solver->context, coarse->sent, coarse->given, (size_t)solver->terms * coarse->count * sizeof(float));
-    for (int i = 0; i < 2; ++i) spsi_cells_v_cycle(solver, n + 1);
+    for (int i = 0; i < 2; ++i) spsi_cells_w_cycle(solver, n + 1);
     spsi_cells_sweep(coarse);
     spsi_parallel_items(solver->context, level->size[2], spsi_cells_correct_task, &step);
 }
@@ -18019,7 +18022,7 @@ SPSI_COLD void spsi_cells_levels(spsi_cell_solver *solver) {
             spsi_cell_step step = {fine, level, fine->keep[0], level->keep[0], solver->orders};
             spsi_parallel_items(solver->context, level->size[2], spsi_cells_coarsen_task, &step);
         }
-        spsi_parallel_items(solver->context, level->size[2], spsi_cells_ways_task, level);
+        spsi_parallel_items(solver->context, level->size[2], spsi_cells_paths_task, level);
     }
 }
 
@@ -18032,14 +18035,14 @@ SPSI_COLD sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, con
         spsi_cells_levels(solver);
         spsi_copy(solver->context, finest->moments[1], finest->given, bytes);
         memset(finest->sent, 0, bytes);
-        spsi_cells_v_cycle(solver, 0);
+        spsi_cells_w_cycle(solver, 0);
     }
     for (int i = 0;; ++i) {
         if (spsi_progress(solver->context, spsi_call_stage_done(part, (double)i / (SPSI_CELL_CYCLES + 1))))
             return solver->context->result;
         spsi_cells_check(finest, spsi_cells_residual_task);
         if (i == SPSI_CELL_CYCLES || spsi_cells_imbalance(solver, finest) < SPSI_CELL_BALANCE) return SPS_OK;
-        spsi_cells_v_cycle(solver, 0);
+        spsi_cells_w_cycle(solver, 0);
     }
 }
 
@@ -18218,7 +18221,7 @@ static void spsi_cell_rays_build(spsi_cell_rays *rays) {
 static inline spsi_v spsi_cell_shape(spsi_v depth) { return spsi_div(depth, spsi_add(depth, spsi_set(1))); }
 
 /* Path length from a place on the grid's sides, over the direction's length. */
-static inline spsi_v spsi_cell_way_through(const double extent[3], const spsi_v from[3], const spsi_v way[3]) {
+static inline spsi_v spsi_cell_path_transmittance(const double extent[3], const spsi_v from[3], const spsi_v way[3]) {
     spsi_v length = spsi_set(1e30f);
     for (int k = 0; k < 3; ++k) {
         const spsi_m rises = spsi_less(spsi_set(0), way[k]);
@@ -18454,7 +18457,7 @@ static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *se
     spsi_v harmonic[SPSI_CELL_TERMS], phase[SPSI_CELL_SETS][2], place[3], toward[3], through, aim, scale;
     if (!spsi_bits(spsi_less(zero, share))) return;
     for (int k = 0; k < 3; ++k) place[k] = spsi_add(from->at[k], way[k]);
-    through = spsi_cell_way_through(from->extent, place, ahead);
+    through = spsi_cell_path_transmittance(from->extent, place, ahead);
     aim = spsi_mul(through, spsi_set(SPSI_CELL_AIM));
     for (int k = 0; k < 2; ++k) toward[k] = spsi_sub(zero, spsi_fma(ahead[from->along[k]], aim, off[k]));
     toward[2] = spsi_mul(u, aim);
@@ -18706,8 +18709,8 @@ static void spsi_emitter_hide(const spsi_flights *flights, const double point[3]
 
 /* Self-absorption of a sphere of material m and optical radius `own`. Cells spread its medium by two edges; the march
    leaves that out. Light leaves 0.2 radii before the centre per optical depth, at most 2/3. */
-static void spsi_emitter_clear(const spsi_flights *flights, const double point[3], double radius, double own, int m,
-                               spsi_emitter *emitter) {
+static void spsi_emitter_own_absorption(const spsi_flights *flights, const double point[3], double radius, double own,
+                                        int m, spsi_emitter *emitter) {
     emitter->clear = (float)(radius + 2 * flights->grids->edge);
     emitter->own = (float)(1 + m);
     emitter->thick = (float)own;
@@ -18970,7 +18973,7 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
             if (!(flies > 0)) continue;
             like.gas = (float)amount;
             spsi_emitter_trap(material, (double)flights->grids->peak[set->channel], own, flies, &like);
-            spsi_emitter_clear(flights, point, radius, own, set->channel, &like);
+            spsi_emitter_own_absorption(flights, point, radius, own, set->channel, &like);
             spsi_emitters_add(flights + 1, point, flies * amount, own, &like, items[SPSI_FLIGHTS_BEAMS]);
         }
     }
@@ -19024,7 +19027,7 @@ static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice
     own = 0.75 / SPSI_PI * amount * extinction / area;
     spsi_emitter_trap(material, (double)flights->grids->peak[m], own, flies / spsi_dmax(extinction, (double)FLT_MIN),
                       &like);
-    spsi_emitter_clear(flights, point, (double)like.radius, own, m, &like);
+    spsi_emitter_own_absorption(flights, point, (double)like.radius, own, m, &like);
     spsi_emitters_add(flights, point, flies * amount, own, &like, items);
 }
 
@@ -19227,7 +19230,7 @@ static void spsi_flight_segments_pass(const spsi_flights *flights, const spsi_fl
 /* --- tree --- */
 
 /* Direction 0 to 5 along an axis, then four per plane of two axes. */
-static void spsi_flight_way(int number, float unit[3]) {
+static void spsi_flight_direction(int number, float unit[3]) {
     memset(unit, 0, 3 * sizeof *unit);
     if (number < 6) {
         unit[number / 2] = number % 2 ? 1.0f : -1.0f;
@@ -19253,7 +19256,7 @@ static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *
         float out[SPSI_LANES], unit[3];
         memset(&ways, 0, sizeof ways);
         for (int i = 0; i < lanes; ++i) {
-            spsi_flight_way(first + i, unit);
+            spsi_flight_direction(first + i, unit);
             ways.end[i] = node->reach;
             for (int k = 0; k < 3; ++k) {
                 ways.from[k][i] = child->at[k];
@@ -19838,7 +19841,7 @@ typedef struct spsi_arrival {
     spsi_v light[SPSI_GROUP_MOST + 1];
     int plane;              /* last plane looked up; -1: none */
     spsi_v plane_light;     /* optical depth there */
-    spsi_row_linears courses;  /* arguments of spsi_shadow_lookup */
+    spsi_row_linears linears;  /* arguments of spsi_shadow_lookup */
     spsi_row_linears ahead;    /* along a row further down */
     spsi_v lit[SPSI_SUBSLABS]; /* lit fraction of each part by polygons; undivided: lit[0] */
 } spsi_arrival;
@@ -20580,10 +20583,10 @@ static void spsi_lit_fractions(const spsi_shader *shader, const spsi_depth_map *
 }
 
 static inline spsi_v spsi_pixels_shadow(const spsi_shadow *shadow, const spsi_pixels *p, int k, spsi_v d) {
-    spsi_row_linears courses;
+    spsi_row_linears linears;
     spsi_v at[3];
-    spsi_row_linears_build(shadow->along, p->line.at, (float)p->line.y, &courses);
-    spsi_row_linears_at(&courses, d, at);
+    spsi_row_linears_build(shadow->along, p->line.at, (float)p->line.y, &linears);
+    spsi_row_linears_at(&linears, d, at);
     return spsi_shadow_lookup(shadow, at, k);
 }
 
@@ -20593,7 +20596,7 @@ static inline spsi_v spsi_pixels_shadow(const spsi_shadow *shadow, const spsi_pi
 static void spsi_arrival_begin(const spsi_shadow *shadow, const spsi_pixels *p, spsi_arrival *arrival) {
     const float y = (float)p->line.y;
     arrival->plane = -1;
-    spsi_row_linears_build(shadow->along, p->line.at, y, &arrival->courses);
+    spsi_row_linears_build(shadow->along, p->line.at, y, &arrival->linears);
     spsi_row_linears_build(shadow->along, p->line.at, y + SPSI_PREFETCH_ROWS, &arrival->ahead);
 }
 
@@ -20607,7 +20610,7 @@ static spsi_v spsi_plane_light(const spsi_shadow *shadow, const spsi_pixels *p, 
         spsi_sliced_texels(shadow->sliced, at, texels);
         for (int i = 0; i < SPSI_LANES; ++i) spsi_prefetch(shadow->sliced->planes.depth[k] + texels[i], 1);
     }
-    spsi_row_linears_at(&arrival->courses, d, at);
+    spsi_row_linears_at(&arrival->linears, d, at);
     return spsi_shadow_lookup(shadow, at, k);
 }
 
@@ -20663,7 +20666,7 @@ static spsi_v spsi_subslab_hidden(const spsi_shader *shader, const spsi_shadow *
     spsi_v sum = spsi_set(0), place[3];
     for (int i = 0; i < count; ++i) {
         const spsi_v d = spsi_fma(part->half, spsi_set((float)(2 * i + 1) / (float)count - 1), part->middle);
-        spsi_row_linears_at(&arrival->courses, d, place);
+        spsi_row_linears_at(&arrival->linears, d, place);
         sum = spsi_add(sum, spsi_sliced_hidden(shadow->sliced, place,
                                                spsi_fma(d, scale, spsi_mul(layers, p->line.base))));
     }
@@ -21326,7 +21329,7 @@ static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, const in
 }
 
 /* True if a flat face has another's plane and normal. */
-static int spsi_faces_share_plane(const spsi_face *face, const spsi_face *other) {
+static int spsi_faces_coplanar(const spsi_face *face, const spsi_face *other) {
     double plane[3], apart = 0;
     spsi_face_plane(face, plane);
     for (int i = 0; i < 3; ++i) {
@@ -21347,7 +21350,7 @@ static void spsi_receive_plane(spsi_receive_tile *tile, int first) {
         if (tile->shows[y][x] != 1) continue;
         const size_t at = (size_t)(tile->y0 + y) * (size_t)content->eye.width + (size_t)(tile->x0 + x);
         const int own = job->visible->hits[at].face;
-        if (own != last) shared = spsi_faces_share_plane(face, &job->faces->list[own]);
+        if (own != last) shared = spsi_faces_coplanar(face, &job->faces->list[own]);
         last = own;
         if (shared) tile->shows[y][x] = 2;
     }
@@ -21587,7 +21590,7 @@ static double spsi_surfaces_unit(const spsi_light *light, const spsi_surfaces *l
 }
 
 /* Vectors from a point, in units. */
-static void spsi_surfaces_ways(const spsi_surfaces *list, const double from[3], double unit, spsi_v ways[3]) {
+static void spsi_surfaces_paths(const spsi_surfaces *list, const double from[3], double unit, spsi_v ways[3]) {
     const double per_unit = 1 / unit;
     for (int i = 0; i < 3; ++i) {
         float lanes[SPSI_LANES];
@@ -21616,7 +21619,7 @@ static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_light 
     for (int i = 0; i < 3; ++i) normal[i] = spsi_load(list->normal[i]);
     spsi_set3(point->direction, travel);
     if (point->is_point) {
-        spsi_surfaces_ways(list, point->position, unit, travel);
+        spsi_surfaces_paths(list, point->position, unit, travel);
         square = spsi_max(spsi_dot_v(travel, travel), spsi_set(FLT_MIN));
         for (int i = 0; i < 3; ++i) travel[i] = spsi_div(travel[i], spsi_sqrt(square));
     }
@@ -23723,7 +23726,7 @@ static void spsi_cell_patches_task(void *data, int patch) {
             from[k] = spsi_set(grid->patches[k * SPSI_CELL_SHEET + patch] / (float)grid->edge);
             way[k] = k == axis && !upper ? out : spsi_sub(spsi_set(0), out);
         }
-        length = spsi_cell_way_through(extent, from, way);
+        length = spsi_cell_path_transmittance(extent, from, way);
         spsi_store(taken + n, spsi_cell_shape(spsi_mul(length, spsi_set(grid->thick[job->channel]))));
         spsi_cells_radiance(job->solver, from, way, length, found);
         for (int i = 0; i <= job->solver->set_count; ++i) spsi_store(seen[i] + n, found[i]);
@@ -23994,11 +23997,11 @@ static uint64_t spsi_cells_fingerprint(const sps_context *context, const spsi_fr
     return hash;
 }
 
-/* True if light made for `key` is cached. Clears cells_held until it is remade: a failing call may leave partial
+/* True if light made for `key` is cached. Clears cells_cached until it is remade: a failing call may leave partial
    data. */
 SPSI_COLD int spsi_scattered_take(sps_context *context, uint64_t key) {
-    const int held = key != 0 && key == context->cells_held;
-    context->cells_held = 0;
+    const int held = key != 0 && key == context->cells_cached;
+    context->cells_cached = 0;
     return held;
 }
 
@@ -24205,7 +24208,7 @@ static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame,
     for (int n = 0; n < count && !held; ++n)
         context->stats.cells += (uint64_t)grids[n].size[0] * (uint64_t)grids[n].size[1] * (uint64_t)grids[n].size[2];
     if (!held) spsi_cells_share_scale(grids, count);
-    context->cells_held = key;
+    context->cells_cached = key;
     for (int n = 0; n < count; ++n) {
         spsi_cell_viewer look = {frame, &grids[n]};
         for (int m = 0; m < frame->matter.material_count; ++m)
@@ -24574,7 +24577,7 @@ SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *
         memory += 3 * each;
     }
     if (!held && spsi_spreads_make(context, frame, faces, spreads, part)) return context->result;
-    context->cells_held = key;
+    context->cells_cached = key;
     context->stats.seconds_cells = spsi_clock(context) - start;
     return SPS_OK;
 }
@@ -24849,7 +24852,7 @@ SPSI_COLD sps_result spsi_run_build(sps_context *context, const spsi_frame *fram
     shader->unshadowed = sweep->first && !shader->again.measures &&
                          (frame->has_ambient || frame->matter.emits || frame->content->cells ||
                           frame->lights.count > frame->lights.shadow_count);
-    shader->end_depth = spsi_scatters_forward(frame) || (spsi_scatters_fully(frame) && frame->matter.orders > 1)
+    shader->end_depth = spsi_scatters_forward(frame) || (spsi_uses_cells(frame) && frame->matter.orders > 1)
                             ? SPSI_FORWARD_END
                             : (float)-log(frame->accuracy.threshold);
     if (spsi_target_build(context, frame, &frame->content->eye, &sweep->slabs, SPSI_TARGET_EYE, sweep->back_to_front,
@@ -24985,7 +24988,8 @@ SPSI_COLD sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame,
     if (preset.slab_thickness > 0) frame->view.slab_thickness = preset.slab_thickness, frame->accuracy.slab_pixels = 0;
     frame->accuracy.light_points = spsi_point_presets[setting->points];
     for (int i = 0; i < lights->whole_count; ++i)
-        if (lights->whole[i].choice != SPSI_CHOICE_CALLER) spsi_light_take(&lights->whole[i], 0, SPSI_CHOICE_OPEN);
+        if (lights->whole[i].choice != SPSI_CHOICE_CALLER)
+            spsi_light_choose_table(&lights->whole[i], 0, SPSI_CHOICE_OPEN);
     spsi_lights_list(lights, lights->whole, lights->whole_count);
     return spsi_resolve_points(context, frame);
 }
@@ -25039,7 +25043,8 @@ SPSI_COLD void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
 }
 
 /* True if a light's table is cached. `gas`: fingerprint of the medium. */
-SPSI_COLD int spsi_table_is_held(sps_context *context, const spsi_frame *frame, const spsi_light *light, uint64_t gas) {
+SPSI_COLD int spsi_table_is_cached(sps_context *context, const spsi_frame *frame, const spsi_light *light,
+                                   uint64_t gas) {
     const sps_tmap *held = (const sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     sps_tmap map;
     if (!gas || !spsi_has_shadow_table(light) || context->shadow_table_count == 0) return 0;
@@ -25056,8 +25061,8 @@ SPSI_COLD void spsi_work_add_maps(sps_context *context, const spsi_frame *frame,
         const spsi_light *light = &frame->lights.list[i];
         const int is_empty = spsi_bounds_empty(spsi_light_bounds(frame, light)); /* volumes are empty */
         size_t side;
-        if (!light->has_map || spsi_scatters_fully(frame) || (is_empty && frame->particles.set_count == 0)) continue;
-        if (!is_empty && spsi_table_is_held(context, frame, light, gas)) {
+        if (!light->has_map || spsi_uses_cells(frame) || (is_empty && frame->particles.set_count == 0)) continue;
+        if (!is_empty && spsi_table_is_cached(context, frame, light, gas)) {
             work->tables_held = 1;
             continue;
         }
@@ -25069,7 +25074,7 @@ SPSI_COLD void spsi_work_add_maps(sps_context *context, const spsi_frame *frame,
 /* Doubled by polygons; 0 without multiple scattering. */
 SPSI_COLD double spsi_work_cells(const spsi_frame *frame) {
     spsi_cell_grid grid;
-    if (!spsi_scatters_fully(frame) && !spsi_scatters_aside(frame)) return 0;
+    if (!spsi_uses_cells(frame) && !spsi_convolves(frame)) return 0;
     if (!spsi_cells_place(frame, &frame->content->bounds, &grid)) return 0;
     return (double)frame->channels * grid.size[0] * grid.size[1] * grid.size[2] * (frame->meshes.count > 0 ? 2 : 1);
 }
@@ -25103,7 +25108,7 @@ SPSI_COLD void spsi_work_count(sps_context *context, spsi_frame *frame, double v
     spsi_choose_shadows(context, frame);
     spsi_work_add_sweeps(frame, work);
     spsi_work_add_maps(context, frame, gas, work);
-    if (context->fields_held != spsi_pyramids_wanted(frame) && spsi_pyramids_wanted(frame))
+    if (context->pyramids_cached != spsi_pyramids_wanted(frame) && spsi_pyramids_wanted(frame))
         work->units[SPSI_STAGE_PYRAMIDS] = voxels;
     work->units[SPSI_STAGE_REST] = pixels;
     if (frame->meshes.triangle_count > 0) spsi_work_add_surfaces(frame, work);
@@ -25119,13 +25124,14 @@ static const double spsi_start_rates[SPSI_STAGE_COUNT][SPSI_PRESETS] = {
     {16e-9, 8.8e-9, 6.4e-9, 6.6e-9, 8.9e-9, 13e-9, 12e-9}, {5e-9, 5e-9, 5e-9, 5e-9, 5e-9, 5e-9, 5e-9}};
 
 SPSI_COLD int spsi_stage_preset(spsi_stage stage, const spsi_setting *setting) {
-    return stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD ? setting->cells : setting->gas;
+    return stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_CACHED ? setting->cells : setting->gas;
 }
 
 /* Scales the nearest measured rate in proportion to start values. */
 SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const spsi_setting *setting) {
     const double *known = context->pace.rates[stage], *start = spsi_start_rates[stage];
-    const int preset = spsi_stage_preset(stage, setting), cells = stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_HELD;
+    const int preset = spsi_stage_preset(stage, setting),
+              cells = stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_CACHED;
     for (int away = 0; away < SPSI_PRESETS; ++away) /* the coarser one first */
         for (int sign = -1; sign <= 1; sign += 2) {
             const int at = preset + sign * away;
@@ -25179,7 +25185,7 @@ SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     const double covered = spsi_dmin(spsi_covered_pixels(frame), pixels);
     const double shown = covered > 0 ? pixels / covered : frame->meshes.triangle_count > 0 ? 1 : 0;
-    const int again = spsi_scatters_fully(frame) || spsi_scatters_aside(frame);
+    const int again = spsi_uses_cells(frame) || spsi_convolves(frame);
     const double cells = again ? spsi_cell_errors[setting->cells] : 0;
     const double sphere = frame->lights.shadow_count > 0 ? spsi_sphere_errors[setting->gas] * spheres : 0;
     double gas = 0, points = 0, most = 0; /* voxel depth: puffs of 0.5 to 3.2 err 1.1 to 3.2 times the table's */
@@ -25229,11 +25235,11 @@ SPSI_COLD void spsi_work_count_cells(const sps_context *context, const spsi_fram
                                      spsi_work *work) {
     const spsi_rates *pace = &context->pace;
     const double cells = spsi_work_cells(frame);
-    const int are_held = cells > 0 && context->cells_held != 0 && pace->scattered != 0 &&
+    const int are_held = cells > 0 && context->cells_cached != 0 && pace->scattered != 0 &&
                          memcmp(&pace->scattered_by, setting, sizeof *setting) == 0 &&
                          pace->scattered == spsi_scattered_fingerprint(context, frame);
-    const spsi_stage stage = are_held ? SPSI_STAGE_HELD : SPSI_STAGE_CELLS;
-    work->units[SPSI_STAGE_CELLS] = work->units[SPSI_STAGE_HELD] = 0;
+    const spsi_stage stage = are_held ? SPSI_STAGE_CACHED : SPSI_STAGE_CELLS;
+    work->units[SPSI_STAGE_CELLS] = work->units[SPSI_STAGE_CACHED] = 0;
     if (cells > 0) work->units[stage] = cells + spsi_fixed_units[stage];
 }
 
@@ -25253,7 +25259,7 @@ static void spsi_candidate_time(const sps_context *context, const spsi_work *wor
 SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, double spent, double spheres,
                                     spsi_work *work, int first, spsi_candidate *candidates) {
     const spsi_setting *only = context->pace.only;
-    const int cells = spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? SPSI_CELL_PRESETS : 1;
+    const int cells = spsi_uses_cells(frame) || spsi_convolves(frame) ? SPSI_CELL_PRESETS : 1;
     for (int n = 0; n < cells; ++n) {
         const spsi_setting setting = spsi_candidate_setting(first + n);
         spsi_candidate *candidate = &candidates[first + n];
@@ -25264,7 +25270,7 @@ SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, dou
         candidate->seconds += spent;
         candidate->error = spsi_expected_error(frame, &setting, spheres);
         candidate->exists = candidate->seconds < HUGE_VAL;
-        candidate->is_held = work->tables_held || work->units[SPSI_STAGE_HELD] > 0;
+        candidate->is_held = work->tables_held || work->units[SPSI_STAGE_CACHED] > 0;
     }
 }
 
@@ -25314,7 +25320,7 @@ SPSI_COLD void spsi_budget_report(const spsi_frame *frame, const spsi_candidate 
     report->tolerance = frame->view.tolerance;
     report->samples = spsi_lights_are_open(frame) ? frame->accuracy.light_points : 0;
     report->scattering_resolution =
-        spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? frame->view.scattering_resolution : 0;
+        spsi_uses_cells(frame) || spsi_convolves(frame) ? frame->view.scattering_resolution : 0;
 }
 
 /* `spent`: seconds until everything is read. If nothing can be rendered, the coarsest setting is refused later. */
@@ -25379,7 +25385,7 @@ SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
     const double total = spsi_clock(context) - context->clock_start;
     spsi_rates *pace = &context->pace;
     double seconds[SPSI_STAGE_COUNT] = {0}, sum = 0;
-    pace->scattered = pace->counts && context->cells_held ? spsi_scattered_fingerprint(context, frame) : 0;
+    pace->scattered = pace->counts && context->cells_cached ? spsi_scattered_fingerprint(context, frame) : 0;
     pace->scattered_by = pace->setting;
     if (!pace->counts || !(total > 0)) return;
     pace->splats[pace->setting.gas] = /* all volumes, in thick slabs */
@@ -25387,11 +25393,11 @@ SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
         ((stats->eye_footprints > 0 && stats->eye_samples == 0) ||
          (stats->light_footprints > 0 && stats->light_samples == 0));
     seconds[SPSI_STAGE_READ] = stats->seconds_gather;
-    seconds[SPSI_STAGE_PYRAMIDS] = pace->seconds_fields;
+    seconds[SPSI_STAGE_PYRAMIDS] = pace->seconds_pyramids;
     seconds[SPSI_STAGE_SURFACES] =
         stats->seconds_polygons + stats->seconds_textures + stats->seconds_tree + stats->seconds_shadow_rays;
     seconds[SPSI_STAGE_LIGHT] = stats->seconds_light;
-    seconds[stats->cells > 0 ? SPSI_STAGE_CELLS : SPSI_STAGE_HELD] = stats->seconds_cells;
+    seconds[stats->cells > 0 ? SPSI_STAGE_CELLS : SPSI_STAGE_CACHED] = stats->seconds_cells;
     seconds[SPSI_STAGE_EYE] = stats->seconds_eye + stats->seconds_bin;
     for (int i = 0; i < 3; ++i) { /* pyramids were built during one of these */
         if (seconds[makers[i]] < seconds[SPSI_STAGE_PYRAMIDS]) continue;
@@ -25632,7 +25638,7 @@ SPSI_COLD sps_result spsi_render_sweep(sps_context *context, spsi_picture *pictu
     const spsi_frame *frame = picture->frame;
     const int parts = spsi_subslab_count(frame);
     const double begin =
-        SPSI_PROGRESS_GATHER + (spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? SPSI_PROGRESS_CELLS : 0);
+        SPSI_PROGRESS_GATHER + (spsi_uses_cells(frame) || spsi_convolves(frame) ? SPSI_PROGRESS_CELLS : 0);
     spsi_call_stage part = {0, (1 - begin) / spsi_sweep_count(frame)};
     spsi_sweep sweep;
     part.progress = begin + n * part.share;
@@ -25688,8 +25694,8 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
     if (spsi_forward_tables(context, frame)) return context->result;
     for (int n = 0; n < spsi_sweep_count(frame); ++n) /* fails before cells are lit */
         if (spsi_sweep_build(context, frame, n, 0, &sweep)) return context->result;
-    if (spsi_scatters_fully(frame) && spsi_cells_build(context, frame, &picture.faces, &cells)) return context->result;
-    if (spsi_scatters_aside(frame) && spsi_spreads_build(context, frame, &picture.faces, &cells, &picture.spreads))
+    if (spsi_uses_cells(frame) && spsi_cells_build(context, frame, &picture.faces, &cells)) return context->result;
+    if (spsi_convolves(frame) && spsi_spreads_build(context, frame, &picture.faces, &cells, &picture.spreads))
         return context->result;
     if (spsi_receive_all(context, frame, &picture.faces, &picture.visible)) return context->result;
     for (int n = 0; n < spsi_sweep_count(frame); ++n)
@@ -25719,7 +25725,7 @@ typedef struct spsi_reading {
 SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *frame, sps_plan_report *report,
                                        spsi_reading *reading) {
     memset(reading, 0, sizeof *reading);
-    reading->held = spsi_volumes_held(context, frame);
+    reading->held = spsi_volumes_cached(context, frame);
     if (reading->held) spsi_bricks_bounds(context, frame, &frame->content->bounds);
     if (reading->held) return SPS_OK;
     for (int medium = 0; medium < frame->medium_count; ++medium) {
@@ -25758,7 +25764,7 @@ SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *f
 SPSI_COLD sps_result spsi_plan_pyramids(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     if (!spsi_pyramids_wanted(frame)) return SPS_OK;
     if (reading->held) return spsi_pyramids_place(context, frame);
-    context->fields_held = 0; /* replaced by estimates */
+    context->pyramids_cached = 0; /* replaced by estimates */
     spsi_pyramid *fields = (spsi_pyramid *)spsi_reserve(context, SPSI_BUFFER_PYRAMIDS, 1, sizeof *fields);
     if (!fields) return context->result;
     frame->content->fields = fields;
@@ -25827,7 +25833,7 @@ SPSI_COLD sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_f
     spsi_rays rays;
     report->pass[SPS_PASS_PENUMBRAE].runs += sweep->soft || frame->particles.set_count > 0 || polygons;
     if (frame->particles.set_count == 0 && spsi_penumbra_aim(context, frame, sweep, &penumbra)) return context->result;
-    if (frame->particles.set_count > 0 || !spsi_volumes_held(context, frame)) {
+    if (frame->particles.set_count > 0 || !spsi_volumes_cached(context, frame)) {
         rays.width = rays.height = (int)spsi_plan_light_side(frame, sweep);
         if (spsi_penumbra_open(context, frame, sweep, &rays, &penumbra)) return context->result;
         for (int i = 0; i < penumbra.beam_count; ++i)
@@ -25942,10 +25948,10 @@ SPSI_COLD int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_
     spsi_cell_grid grid;
     spsi_spread spread;
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
-    if (spsi_scatters_fully(frame))
+    if (spsi_uses_cells(frame))
         return spsi_cells_place(frame, &frame->content->bounds, &grid) &&
                spsi_cells_aim(&grid, spsi_samples_fineness(frame, 0.5 * grid.edge), rays, slabs);
-    for (int i = 0; i < frame->lights.count && spsi_scatters_aside(frame); ++i)
+    for (int i = 0; i < frame->lights.count && spsi_convolves(frame); ++i)
         if (frame->lights.list[i].shadows)
             return !spsi_spread_aim(context, frame, &frame->lights.list[i], &spread) &&
                    spsi_spread_aim_fine(&spread, 0, spsi_spread_fineness(frame, &spread), rays, slabs);
@@ -26075,7 +26081,7 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
                                 sps_plan_report *report) {
     const int gases = frame->medium_count > 0 || frame->particles.set_count > 0;
     const int polygons = frame->meshes.triangle_count > 0, sweeps = report->sweep_count, lit = frame->lights.count > 0;
-    const int held = context->tree_held && spsi_faces_held(context, frame);
+    const int held = context->tree_held && spsi_faces_cached(context, frame);
     const int again = frame->view.scattering != SPS_SCATTERING_AMBIENT;
     const char *once = report->scatter_bound > 0 ? "view.scattering is auto: scatter_bound is within the tolerance"
                                                  : "view.scattering is off";
@@ -26102,12 +26108,12 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
                    : !lit                                            ? "no light"
                    : frame->lights.shadow_count == 0                 ? "no light casts shadows"
                                                                      : "gases scatter evenly: cells have all of it");
-    spsi_plan_pass(report, SPS_PASS_SPREADING, spsi_scatters_aside(frame) ? frame->lights.shadow_count : 0,
+    spsi_plan_pass(report, SPS_PASS_SPREADING, spsi_convolves(frame) ? frame->lights.shadow_count : 0,
                    "view.scattering asks for it",
                    !frame->matter.scatters           ? "nothing scatters: albedo 0 or no extinction"
                    : frame->lights.shadow_count == 0 ? "no light casts shadows"
                                                      : "view.scattering does not ask for it");
-    spsi_plan_pass(report, SPS_PASS_CELLS, spsi_scatters_fully(frame),
+    spsi_plan_pass(report, SPS_PASS_CELLS, spsi_uses_cells(frame),
                    frame->view.scattering == SPS_SCATTERING_AUTO
                        ? "view.scattering is auto: unless gas, which was not read yet, turns out to be thin"
                    : report->scatter_bound > 0 ? "view.scattering is auto: scatter_bound is above the tolerance"
@@ -26138,7 +26144,7 @@ static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *fram
     spsi_reserve(context, SPSI_BUFFER_FACES, triangles, sizeof(spsi_face) + 4 * sizeof(int)); /* and their rows */
     spsi_reserve(context, SPSI_BUFFER_BLOCKS, SPSI_TRIANGLE_BATCH, sizeof(sps_triangle));
     spsi_reserve(context, SPSI_BUFFER_EYE_FACES, pixels, sizeof(spsi_hit));
-    if (spsi_scatters_fully(frame) || frame->matter.emits) spsi_receive_reserve(context, frame, &received);
+    if (spsi_uses_cells(frame) || frame->matter.emits) spsi_receive_reserve(context, frame, &received);
     spsi_plan_take(context, report, SPS_PASS_EYE_POLYGONS);
     spsi_layers_build(context, frame, &faces, NULL, &visible.layers);
     spsi_plan_take(context, report, SPS_PASS_LAYERS);
@@ -26152,7 +26158,7 @@ static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *fram
         shares += spsi_plan_tables(frame, light) * spsi_visibility_floats(frame, light, light->extent.exists) - 1;
         lights += (size_t)spsi_plan_tables(frame, light) - 1;
     }
-    if (spsi_scatters_fully(frame)) lights = (size_t)spsi_imax((int)lights, frame->lights.shadow_count); /* of cells */
+    if (spsi_uses_cells(frame)) lights = (size_t)spsi_imax((int)lights, frame->lights.shadow_count); /* of cells */
     if (frame->lights.shadow_count == 0) return;
     if (frame->matter.scatters)
         spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, lights,
@@ -26171,8 +26177,8 @@ SPSI_COLD void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const sp
     spsi_plan_take(context, report, SPS_PASS_PROJECTORS);
     spsi_forward_tables(context, frame);
     spsi_plan_take(context, report, SPS_PASS_FORWARD);
-    if (spsi_scatters_aside(frame)) report->pass[SPS_PASS_SPREADING].bytes = spsi_spreads_bytes(frame);
-    if (spsi_scatters_fully(frame)) report->pass[SPS_PASS_CELLS].bytes = spsi_cells_bytes(frame);
+    if (spsi_convolves(frame)) report->pass[SPS_PASS_SPREADING].bytes = spsi_spreads_bytes(frame);
+    if (spsi_uses_cells(frame)) report->pass[SPS_PASS_CELLS].bytes = spsi_cells_bytes(frame);
     if (frame->view.scattering == SPS_SCATTERING_AUTO) /* undecided */
         report->pass[SPS_PASS_CELLS].bytes += SPSI_BOUND_BYTES;
     if (frame->meshes.triangle_count > 0) spsi_plan_polygon_bytes(context, frame, report);
@@ -26228,8 +26234,7 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
     report->cells_filling = "no volume, or its light does not go from cell to cell, nor spread";
     if (spsi_plan_reading(context, frame, report, &reading)) return context->result;
     if (frame->view.scattering == SPS_SCATTERING_AUTO) report->scatter_bound = -1;
-    if (!spsi_scatters_fully(frame) || spsi_polygons_scatter(frame) ||
-        (reading.held && frame->particles.set_count == 0))
+    if (!spsi_uses_cells(frame) || spsi_polygons_scatter(frame) || (reading.held && frame->particles.set_count == 0))
         if (spsi_decide_scattering(context, frame, &report->scatter_bound)) return context->result;
     /* units of work */
     const double reads =
@@ -26247,7 +26252,7 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
         spsi_plan_filling(frame, &rays, &slabs, SPSI_TARGET_SAMPLES, 0, &report->cells_gathered,
                           &report->cells_filling);
     spsi_plan_tmaps(frame, bricks, report);
-    for (int i = 0; i < frame->meshes.count && !spsi_faces_held(context, frame); ++i)
+    for (int i = 0; i < frame->meshes.count && !spsi_faces_cached(context, frame); ++i)
         report->triangle_calls +=
             (frame->meshes.list[i].given.triangle_count + SPSI_TRIANGLE_BATCH - 1) / SPSI_TRIANGLE_BATCH;
     for (int i = 0; i < frame->particles.set_count; ++i)
@@ -27829,7 +27834,7 @@ SPSI_COLD int spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray
 
 SPSI_COLD sps_result spsi_bracket_check(sps_context *context, const spsi_frame *frame) {
     int scatters = 0;
-    if (spsi_scatters_fully(frame) || spsi_scatters_aside(frame) || spsi_scatters_forward(frame))
+    if (spsi_uses_cells(frame) || spsi_convolves(frame) || spsi_scatters_forward(frame))
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
                               "must be SPS_SCATTERING_SINGLE: light has bounds as long as it scatters once");
     for (int m = 0; m < frame->medium_count; ++m) {
@@ -28464,7 +28469,7 @@ SPSI_COLD sps_result spsi_reference_frame(sps_context *context, const spsi_frame
     marcher->follow = spsi_march_step;
     marcher->shade = spsi_march_light;
     if (settings->lower && spsi_bracket_check(context, frame)) return context->result;
-    if ((spsi_scatters_fully(frame) || spsi_scatters_aside(frame)) && settings->samples == 0)
+    if ((spsi_uses_cells(frame) || spsi_convolves(frame)) && settings->samples == 0)
         return spsi_fail_that(
             context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
             "is SPS_SCATTERING_AUTO, the default, MULTIPLE or CONVOLUTION, which sps_reference finds by "
@@ -28552,7 +28557,7 @@ SPSI_COLD sps_result spsi_begin(sps_context *context) {
     context->progress = 0;
     context->cancelled = 0;
     context->pace.counts = 0;
-    context->pace.seconds_fields = 0;
+    context->pace.seconds_pyramids = 0;
     context->clock_start = spsi_clock(context);
     return SPS_OK;
 }

@@ -616,7 +616,7 @@ static void test_held_apart(void) {
     chosen = budget_of(context);
     CHECK(chosen.scattering_resolution > 24);
     memcpy(pace->rates, spsi_start_rates, sizeof pace->rates);
-    memset(pace->rates[SPSI_STAGE_HELD], 0, sizeof pace->rates[SPSI_STAGE_HELD]);
+    memset(pace->rates[SPSI_STAGE_CACHED], 0, sizeof pace->rates[SPSI_STAGE_CACHED]);
     CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
     CHECK(plan.budget.scattering_resolution == chosen.scattering_resolution &&
           plan.budget.seconds < 0.2 * chosen.seconds);

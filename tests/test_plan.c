@@ -531,7 +531,7 @@ static void test_triangle_batches(void) {
 }
 
 /* How the last picture's samples of cells, or those of its light, were filled. */
-static spsi_verdict filled(const sps_context *context, int cells) {
+static spsi_fill_choice filled(const sps_context *context, int cells) {
     const void *job = context->buffers[SPSI_BUFFER_CELL_JOB].data;
     return cells ? ((const spsi_cell_job *)job)->sheets.target.verdicts[0]
                  : ((const spsi_spread_job *)job)->sheets.target.verdicts[0];

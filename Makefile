@@ -1,5 +1,5 @@
 # make             builds every example into build/
-# make demo        fetches missing packages if possible, builds, and renders all pictures into build/gallery/
+# make demo        fetches missing packages if possible, builds, and renders all pictures into build/demo/
 # make test        all tests in all configurations, under 4 minutes; ends with `N passed, N failed`
 # make test-long   the same with nothing skipped natively, and in more configurations
 # make fuzz        scenes, maps and files made of bytes, which libFuzzer draws, under sanitizers; SECONDS=600 JOBS=2 PLAIN=1
@@ -20,7 +20,7 @@
 # make first-flights  the error of light from small sources, scene by scene and quality by quality; FIRE=rings: that one
 # make maps        transmittance maps compared with each other, into docs/maps.md and docs/maps_*.png
 # make effects     what each effect costs, and that it costs nothing where it is not needed, into docs/effects.md
-# make gallery     only the pictures of the scene programs
+# make gallery     the pictures of the scene programs at full size, into build/gallery/
 # make pictures    the small pictures in docs/
 # make format      clang-format on examples and tests
 # make install     the header and splatshadow.pc, below DESTDIR and PREFIX (/usr/local); make uninstall removes them
@@ -61,13 +61,14 @@ build/%: examples/%.c $(HEADERS) build/splatshadow.o | build build/tutorial
 	@test -f $(STB)/stb_image_write.h || { echo "stb_image_write.h is missing: install libstb-dev, or say make STB=dir"; exit 1; }
 	$(CC) $(STANDARD) $(OPTIMIZE) $(WARNINGS_C) $(INCLUDES) $< build/splatshadow.o -o $@ $(LIBRARIES)
 
-build build/gallery build/tests build/tutorial:
+build $(GALLERY) build/tests build/tutorial:
 	mkdir -p $@
 
 # ---------------------------------------------------------------------------------------------------- pictures
 
 SCENES = mushrooms dart tree pot smoke_room turbulence metaballs cloud_mesh fog puff turntable lamp penumbra panes steam slide textured cloud_light fog_room above_clouds
-PICTURES = $(foreach scene,$(SCENES),$(if $(wildcard examples/$(scene).c),build/gallery/$(scene).png))
+GALLERY = build/gallery
+PICTURES = $(SCENES:%=$(GALLERY)/%.png)
 
 # $(call fetch,packages): installs them if possible; silent and harmless otherwise.
 fetch = if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
@@ -78,24 +79,34 @@ demo:
 	@test -f $(STB)/stb_image_write.h || { $(call fetch,libstb-dev); }
 	@command -v $(CC) >/dev/null || { echo "no C compiler: install gcc, or say make demo CC=name"; exit 1; }
 	@test -f $(STB)/stb_image_write.h || { echo "stb_image_write.h is missing: install libstb-dev, or say make demo STB=dir"; exit 1; }
-	@$(MAKE) --no-print-directory -j$(CORES) all
-	@$(MAKE) --no-print-directory gallery scans
-	@echo "The pictures are in build/gallery/."
+	@echo "Compiling the library once, and each example; pictures are written to build/demo/ as they are ready."
+	@$(MAKE) -s --no-print-directory -j$(CORES) GALLERY=build/demo QUICK=1 gallery scans
+	@echo "The pictures are in build/demo/."
 
 # Hard and soft shadows side by side: scenes, and the angular diameter of the sun in each, in degrees
 SOFT_mushrooms = 8
 SOFT_dart = 3
 SOFT_tree = 6
 SOFT_bonsai = 5
-SOFT_PICTURES = $(foreach scene,mushrooms dart tree,build/gallery/soft_$(scene).png)
+SOFT_PICTURES = $(foreach scene,mushrooms dart tree,$(GALLERY)/soft_$(scene).png)
+
+# In the demo, comparisons with random paths are smaller.
+ifdef QUICK
+WIDTH_cloud_light = --width 480
+WIDTH_fog_room = --width 480
+WIDTH_above_clouds = --width 480
+WIDTH_steam = --width 480
+endif
 
 gallery: $(PICTURES) $(SOFT_PICTURES)
 
-build/gallery/soft_%.png: build/% | build/gallery
+$(GALLERY)/soft_%.png: build/% | $(GALLERY)
 	build/$* --soft $(SOFT_$*) --out $@
+	@echo $@
 
-build/gallery/%.png: build/% | build/gallery
-	build/$* --out $@
+$(GALLERY)/%.png: build/% | $(GALLERY)
+	build/$* $(WIDTH_$*) --out $@
+	@echo $@
 
 # The pictures of the README, the manual and the tutorial. They have no prerequisites, and are always rendered again.
 DOCS_PICTURES = tree smoke_room pot turntable penumbra panes slide textured cloud_light
@@ -114,10 +125,11 @@ FILE_cloud = wdas_cloud_sixteenth_126x86x154_u16.raw
 
 SCANS_HERE = $(if $(SPLATSHADOW_DATA),$(foreach scan,$(SCANS),$(if $(wildcard $(SPLATSHADOW_DATA)/$(FILE_$(scan))),$(scan))))
 
-scans: $(SCANS_HERE:%=build/gallery/scan_%.png) $(if $(filter bonsai,$(SCANS_HERE)),build/gallery/soft_bonsai.png)
+scans: $(SCANS_HERE:%=$(GALLERY)/scan_%.png) $(if $(filter bonsai,$(SCANS_HERE)),$(GALLERY)/soft_bonsai.png)
 
-build/gallery/scan_%.png: build/render examples/looks/%.txt examples/looks/floor.obj | build/gallery
-	build/render --look examples/looks/$*.txt --volume $(SPLATSHADOW_DATA)/$(FILE_$*) --scattering single --out $@ --stats build/gallery/scan_$*.json
+$(GALLERY)/scan_%.png: build/render examples/looks/%.txt examples/looks/floor.obj | $(GALLERY)
+	build/render --look examples/looks/$*.txt --volume $(SPLATSHADOW_DATA)/$(FILE_$*) --scattering single --out $@ --stats $(GALLERY)/scan_$*.json
+	@echo $@
 
 # --------------------------------------------------------------------------------------------------- measuring
 

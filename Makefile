@@ -102,11 +102,9 @@ gallery: $(PICTURES) $(SOFT_PICTURES)
 
 $(GALLERY)/soft_%.png: build/% | $(GALLERY)
 	build/$* --soft $(SOFT_$*) --out $@
-	@echo $@
 
 $(GALLERY)/%.png: build/% | $(GALLERY)
 	build/$* $(WIDTH_$*) --out $@
-	@echo $@
 
 # The pictures of the README, the manual and the tutorial. They have no prerequisites, and are always rendered again.
 DOCS_PICTURES = tree smoke_room pot turntable penumbra panes slide textured cloud_light

@@ -740,7 +740,7 @@ static void print_default(const price_scene *scene) {
 }
 
 static int print_defaults(void) {
-    printf("| scene | first frame | next frames | with single scattering | error of the mean, of random paths |\n"
+    printf("| scene | first frame | next frames | single scattering | error of the mean |\n"
            "|---|---|---|---|---|\n");
     for (int i = 0; i < PRICE_SCENES; ++i)
         if (price_scenes[i].is_asset) print_default(price_scenes + i);

@@ -14,7 +14,7 @@
 # make accuracy    error and time of every knob in twelve scenes, into docs/accuracy.md and docs/accuracy_*.png
 # make accuracy-quick  the scenes with a closed form and two knobs of it, in half a minute; SCENE=name: all of that scene
 # make prices      the README's table: error and time of six scenes in the default mode
-# make headline    the README's picture of a scene at three grades, docs/price.png, and the error and time of each
+# make headline    a scene at three settings, docs/price.png, and the error and time of each
 # make accuracy-tables  that page's tables of error against time of single effects
 # make budget      what budgets of time and error promise, and what they keep, into docs/budget.md; 8 minutes
 # make first-flights  the error of light from small sources, scene by scene and quality by quality; FIRE=rings: that one
@@ -180,7 +180,7 @@ accuracy-quick: build/measure/prices
 	@mkdir -p build/price_list/$(SCENE)
 	build/measure/prices build/price_list/$(SCENE) $(SCENE)
 
-# The README's table of prices, and its picture.
+# The README's table of prices; and a picture at three settings
 .PHONY: headline prices
 prices: build/measure/prices
 	build/measure/prices default

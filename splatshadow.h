@@ -9839,6 +9839,7 @@ typedef struct spsi_near_case {
 } spsi_near_case;
 
 typedef struct spsi_splatter {
+    const spsi_lattice *lattice;
     int perspective;              /* 1: rays from one origin; 0: parallel */
     float sign;                   /* -1: rays cross slabs backwards; else 1 */
     float step[3][3];             /* ray coordinates per voxel, by axis */
@@ -9939,6 +9940,7 @@ SPSI_COLD int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *
     double e[3][3], covariance[3][3], rows[3][3], reach = 0, unit, root, mass, weight;
     memset(splatter, 0, sizeof *splatter);
     memset(covariance, 0, sizeof covariance);
+    splatter->lattice = lattice;
     splatter->perspective = rays->perspective;
     for (int axis = 0; axis < 3; ++axis) {
         const double change = spsi_dot(slabs->normal, lattice->step[axis]) / slabs->thickness;
@@ -11301,6 +11303,7 @@ typedef struct spsi_sampler {
     spsi_linear at[3], slab;
     int whole;        /* 1: neither polygons nor the near plane cut slabs */
     int lone;         /* 1: one sample per slab, stored instead of its mean */
+    int steps;        /* samples per slab */
     float near_d;     /* t where rays begin, minus depth_reference */
     float scale;      /* factor on values */
     float rows[3][3]; /* coordinates per world length, times the cube root of a voxel's volume */
@@ -11647,12 +11650,12 @@ static void spsi_sampler_add(const spsi_sampler *t, spsi_tile *tile, const spsi_
 }
 
 static void spsi_sampler_row(const spsi_sampler *t, spsi_tile *tile, int x, int y, int lanes, const int *by_slab,
-                             int steps, float *sheets) {
+                             float *sheets) {
     const size_t at = (size_t)((y - tile->y0) * tile->pitch + x - tile->x0);
     const spsi_v column = spsi_add(spsi_set((float)x), spsi_iota()), row = spsi_set((float)y);
     for (int part = 0; part < t->rays; ++part) {
         spsi_sampler_rays rays;
-        spsi_sampler_rays_build(t, tile, column, row, part, steps, &rays);
+        spsi_sampler_rays_build(t, tile, column, row, part, t->steps, &rays);
         rays.lanes = lanes;
         rays.by_slab = by_slab;
         if (tile->clamped && !t->whole) spsi_sampler_rays_limit(t, tile, x, y, &rays);
@@ -12119,9 +12122,10 @@ static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *ray
    exact as one through means, and needs only adjacent slabs. Slabs as thick as pixels demand also get one; a mean of
    several would be classified wrongly. Nine rays replace four that lose a lone voxel's mass, or whose 4 taps cut off
    its edge. */
-SPSI_COLD spsi_fill_choice spsi_sampler_try(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
-                                            const spsi_slabs *slabs, const spsi_splatter *splatter, int level,
-                                            int count, spsi_sampler *sampler) {
+SPSI_COLD spsi_fill_choice spsi_sampler_try(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
+                                            const spsi_splatter *splatter, int level, int count,
+                                            spsi_sampler *sampler) {
+    const spsi_lattice *lattice = splatter->lattice;
     spsi_sampler_build(frame->content->fields, lattice, rays, slabs, level, count, sampler);
     sampler->wanted = (int)frame->content->levels[lattice->medium];
     sampler->least = FLT_MAX;
@@ -12151,13 +12155,13 @@ SPSI_COLD spsi_fill_choice spsi_sampler_judge(const spsi_frame *frame, const sps
     if (wanted < 0) return SPSI_SPLAT_CHEAPER;
     if (spsi_medium_is_behind(&frame->media[lattice->medium], rays)) return SPSI_SPLAT_NEAR;
     for (int n = wanted > 0 && pattern == SPSI_SAMPLER_PIXELS; n * n <= most && verdict == SPSI_SPLAT_SMALL; ++n)
-        verdict = spsi_sampler_try(frame, lattice, rays, slabs, splatter, wanted, n == 1 ? few : n * n + !n, sampler);
+        verdict = spsi_sampler_try(frame, rays, slabs, splatter, wanted, n == 1 ? few : n * n + !n, sampler);
     for (int n = wanted; n <= levels && verdict == SPSI_SPLAT_SMALL; ++n)
         for (int count = n > 0 ? 4 : 2; count <= 4 && verdict == SPSI_SPLAT_SMALL; count += 2)
-            verdict = spsi_sampler_try(frame, lattice, rays, slabs, splatter, n, count, sampler);
+            verdict = spsi_sampler_try(frame, rays, slabs, splatter, n, count, sampler);
     for (int side = 3; side * side <= SPSI_SAMPLER_RAYS && verdict == SPSI_SPLAT_SMALL; ++side)
         for (int n = levels; n >= wanted && verdict == SPSI_SPLAT_SMALL; --n)
-            verdict = spsi_sampler_try(frame, lattice, rays, slabs, splatter, n, side * side, sampler);
+            verdict = spsi_sampler_try(frame, rays, slabs, splatter, n, side * side, sampler);
     sampler->whole = splatter->whole;
     if (frame->view.filling == SPS_FILLING_SPLAT) return SPSI_SPLAT_ASKED;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
@@ -13145,7 +13149,7 @@ static void spsi_tile_need(const uint64_t patches[SPSI_SAMPLER_SLABS], int count
 /* Adds a gathered volume on all rays that have not terminated. A vector goes down row by row, so that bricks stay in
    the L1 cache. */
 static void spsi_tile_follow(const spsi_sampler *here, spsi_tile *tile, const uint64_t patches[SPSI_SAMPLER_SLABS],
-                             int steps, float *channel) {
+                             float *channel) {
     const int width = tile->x1 - tile->x0 + 1;
     uint64_t live[SPSI_TILE_HEIGHT], all = 0;
     int by_slab[SPSI_SAMPLER_SLABS + 3];
@@ -13155,7 +13159,7 @@ static void spsi_tile_follow(const spsi_sampler *here, spsi_tile *tile, const ui
         for (int y = 0; y < SPSI_TILE_HEIGHT; ++y) {
             const int lanes = (int)(live[y] >> x & SPSI_ALL_LANES);
             if (y % SPSI_PATCH == 0) spsi_tile_need(patches, tile->slab_count, x, y / SPSI_PATCH, by_slab);
-            if (lanes) spsi_sampler_row(here, tile, tile->x0 + x, tile->y0 + y, lanes, by_slab, steps, channel);
+            if (lanes) spsi_sampler_row(here, tile, tile->x0 + x, tile->y0 + y, lanes, by_slab, channel);
         }
 }
 
@@ -13172,7 +13176,8 @@ static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t pa
     for (int slab = 0; slab < tile->slab_count; ++slab) rest[slab] = patches;
     if (spsi_target_interpolates(target, medium) && here.level <= 1)
         spsi_tile_interpolate(fill, &here, medium, way, channel, rest);
-    spsi_tile_follow(&here, tile, rest, spsi_sampler_steps(&here, way), channel);
+    here.steps = spsi_sampler_steps(&here, way);
+    spsi_tile_follow(&here, tile, rest, channel);
 }
 
 /* Adds a level and the next, with the rays of the next once it takes over. From here on, `mix` is each one's weight. */
@@ -16513,8 +16518,8 @@ typedef struct spsi_shadow {
     const spsi_sliced *sliced; /* with sheets */
     const sps_tmap *tmap;      /* with a map */
     int soft;                  /* 1: sheets include polygons' shadows */
-    const float *lit;          /* per pixel: spsi_visibility */
-    const unsigned char *open; /* per pixel and point of an area light: likewise */
+    float *lit;                /* per pixel: spsi_visibility */
+    unsigned char *open;       /* per pixel and point of an area light: likewise */
     spsi_linear along[3];      /* arguments of spsi_shadow_lookup along the eye's rays */
     spsi_depth_map depth_map;
     spsi_translucency_map *translucency_maps; /* one per point of a soft light, or one */
@@ -21131,14 +21136,13 @@ static void spsi_visibility_task(void *data, int index, int worker) {
 /* An exact ray per point of the light, with equal points for all pixels. Noise is worse than steps in the penumbra: no
    filter can tell it from the image. */
 SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                               const spsi_visible *visible, const spsi_light *light, uint64_t *rays, float *lit,
-                               unsigned char *open) {
+                               const spsi_visible *visible, const spsi_shadow *shadow, uint64_t *rays) {
     const int *region = frame->view.region;
     const double start = spsi_clock(context);
-    spsi_visibility_job job = {frame, faces, visible, light, lit, open, rays};
-    memset(job.lit, 0,
-           spsi_shading_point_count(frame, visible) * (size_t)spsi_lit_channels(frame, light) * sizeof *lit);
-    if (open) memset(open, 0, spsi_shading_point_count(frame, visible) * (size_t)light->point_count);
+    const size_t points = spsi_shading_point_count(frame, visible);
+    spsi_visibility_job job = {frame, faces, visible, shadow->light, shadow->lit, shadow->open, rays};
+    memset(job.lit, 0, points * (size_t)spsi_lit_channels(frame, job.light) * sizeof *job.lit);
+    if (job.open) memset(job.open, 0, points * (size_t)job.light->point_count);
     memset(job.rays, 0, (size_t)spsi_worker_count(context) * sizeof *rays);
     spsi_parallel(context, spsi_visibility_tiles(region[0], region[2]) * spsi_visibility_tiles(region[1], region[3]),
                   spsi_visibility_task, &job);
@@ -24121,6 +24125,7 @@ SPSI_COLD int spsi_cells_place_all(const sps_context *context, const spsi_frame 
         groups->list[count] = groups->list[n];
         spsi_cells_lay_out(frame, &grids[count++]);
     }
+    groups->count = count;
     spsi_cells_choose_lights(frame, grids, count);
     return count;
 }
@@ -24143,8 +24148,8 @@ SPSI_COLD void spsi_cells_share_scale(spsi_cell_grid *grids, int count) {
 /* All grids are filled first: emission in one must know the others' medium. */
 SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                      const spsi_groups *groups, const spsi_call_stage *part, spsi_cell_grid *grids,
-                                     int count, spsi_flights *flights) {
-    const int flies = spsi_cells_fly(frame);
+                                     spsi_flights *flights) {
+    const int flies = spsi_cells_fly(frame), count = groups->count;
     spsi_call_stage third = *part;
     spsi_emission_sums glow = {0, 0, 0};
     spsi_cell_job *job;
@@ -24204,7 +24209,7 @@ static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame,
     if (spsi_cells_reserve(context, frame, grids, count)) return context->result;
     spsi_particles_fly(frame);
     spsi_volumes_fly(context, frame, grids->edge);
-    if (!held && spsi_cells_make(context, frame, faces, &groups, part, grids, count, flights)) return context->result;
+    if (!held && spsi_cells_make(context, frame, faces, &groups, part, grids, flights)) return context->result;
     for (int n = 0; n < count && !held; ++n)
         context->stats.cells += (uint64_t)grids[n].size[0] * (uint64_t)grids[n].size[1] * (uint64_t)grids[n].size[2];
     if (!held) spsi_cells_share_scale(grids, count);
@@ -25613,10 +25618,9 @@ SPSI_COLD sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *
     float *lit = (float *)(void *)(rays + spsi_worker_count(context));
     for (shadow = picture->shadows; shadow < picture->shadows + count; ++shadow) {
         unsigned char *open = (unsigned char *)(lit + places * (size_t)spsi_lit_channels(frame, shadow->light));
-        if (!shadow->soft) open = NULL;
-        spsi_visibility(context, frame, &picture->faces, &picture->visible, shadow->light, rays, lit, open);
         shadow->lit = lit;
-        shadow->open = open;
+        shadow->open = shadow->soft ? open : NULL;
+        spsi_visibility(context, frame, &picture->faces, &picture->visible, shadow, rays);
         lit += places * (size_t)spsi_visibility_floats(frame, shadow->light, shadow->soft);
     }
     return SPS_OK;

@@ -1025,15 +1025,15 @@ static void test_slabs_in_need(void) {
     }
     tile.slab_count = SLABS, tile.pitch = 64, tile.sheet_size = SIZE;
     for (int i = 0; i < 60; ++i) {
-        const int steps = 1 + i % 3;
+        tapper.steps = 1 + i % 3;
         int all[SPSI_SAMPLER_SLABS + 3] = {0}, need[SPSI_SAMPLER_SLABS + 3] = {0}, wrong = 0, seen = 0;
         memset(whole, 0, sizeof whole), memset(some, 0, sizeof some);
         for (int n = 1; n <= SLABS; ++n) {
             all[n] = SPSI_ALL_LANES;
             need[n] = (int)(check_next(&random) * (SPSI_ALL_LANES + 1)) & SPSI_ALL_LANES;
         }
-        spsi_sampler_row(&tapper, &tile, 3, i % 8, SPSI_ALL_LANES, all, steps, whole);
-        spsi_sampler_row(&tapper, &tile, 3, i % 8, SPSI_ALL_LANES, need, steps, some);
+        spsi_sampler_row(&tapper, &tile, 3, i % 8, SPSI_ALL_LANES, all, whole);
+        spsi_sampler_row(&tapper, &tile, 3, i % 8, SPSI_ALL_LANES, need, some);
         for (int n = 0; n < SLABS * SPSI_LANES; ++n) {
             const int slab = n / SPSI_LANES, lane = n % SPSI_LANES, at = slab * SIZE + i % 8 * 64 + 3 + lane;
             const float is = need[1 + slab] >> lane & 1 ? whole[at] : 0;

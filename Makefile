@@ -53,7 +53,7 @@ build/hello: examples/hello.c splatshadow.h | build
 
 # All other programs are linked with one object of the implementation.
 build/splatshadow.o: splatshadow.h | build
-	$(CC) $(STANDARD) $(OPTIMIZE) $(ONLY) -DSPLATSHADOW_IMPLEMENTATION -x c -c $< -o $@
+	$(CC) $(STANDARD) $(OPTIMIZE) -DSPLATSHADOW_IMPLEMENTATION -x c -c $< -o $@
 
 build/tutorial/6_shadow_map: $(wildcard examples/shaders/*)
 
@@ -215,12 +215,11 @@ budget-fit: build/measure/budget
 first-flights: build/measure/fire
 	build/measure/fire $(FIRE)
 
-# The program prints Markdown, and draws pictures into build/maps/.
+# The program prints all figures, of which the page has those of one size, and draws pictures into build/maps/.
 .PHONY: maps
 maps: build/measure/maps
 	@mkdir -p build/maps && rm -f build/maps.failed
 	{ build/measure/maps docs build/maps || touch build/maps.failed; } | tee build/maps.txt
-	@$(CSV) build/maps.txt > build/maps.csv
 	@test ! -e build/maps.failed && awk -f tests/measure/maps.awk build/maps.txt > docs/maps.md
 
 # Of the page, what stands before the first printed line is kept. Fails if something is spent that need not be.

@@ -815,9 +815,9 @@ typedef struct sps_plan_report {
 } sps_plan_report;
 
 typedef struct sps_stats_report {
-    /* By clock_fn: reading the scene; rasterising; shade_fn; building the shadow tree; shadow rays. Then binning bricks
-       and particles; lights' sheets; cells or spreading light; eye's sheets, shading and image; the whole call.
-       sps_reference and sps_tmap_finish set only seconds_total. */
+    /* Seconds by clock_fn: reading the scene; rasterising; shade_fn; building the shadow tree; shadow rays. Then
+       binning bricks and particles; lights' sheets; cells or spreading light; eye's sheets, shading and image; the
+       whole call. sps_reference and sps_tmap_finish set only seconds_total. */
     double seconds_gather, seconds_polygons, seconds_textures, seconds_tree, seconds_shadow_rays;
     double seconds_bin, seconds_light, seconds_cells, seconds_eye, seconds_total;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls, background_calls;
@@ -26162,7 +26162,7 @@ static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *fram
         shares += spsi_plan_tables(frame, light) * spsi_visibility_floats(frame, light, light->extent.exists) - 1;
         lights += (size_t)spsi_plan_tables(frame, light) - 1;
     }
-    if (spsi_uses_cells(frame)) lights = (size_t)spsi_imax((int)lights, frame->lights.shadow_count); /* of cells */
+    if (spsi_uses_cells(frame)) lights = (size_t)spsi_imax((int)lights, frame->lights.shadow_count); /* for cells */
     if (frame->lights.shadow_count == 0) return;
     if (frame->matter.scatters)
         spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, lights,

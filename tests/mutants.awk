@@ -50,7 +50,7 @@ function read_header(line, here, chapter, implementation) {
             begin_owner(here)
             begins[line] = 1
         }
-        chapter_at[line] = chapter
+        if (begins[line] && !(begun in chapter_of)) chapter_of[begun] = chapter
         owner_at[line] = begun
         if (implementation && plain) body_of[line] = begun
         if (here ~ ending) begun = ""
@@ -160,9 +160,9 @@ function print_header(faces, whole, line, name) {
 # 1 for entries that no test is known to notice, 2 for those that one does, 3 for those that none need notice.
 function rank(n) { return n in reason ? 3 : n in last_line ? 2 : 1 }
 
-# The function that an entry changes, - outside functions, and its chapter, - if it does not apply
-function place(n) { return body_of[find(n)] == "" ? "-" : body_of[find(n)] }
-function chapter_of(n) { return find(n) ? chapter_at[find(n)] : "-" }
+# The function that an entry changes, - outside functions, and its chapter, - if the header has no such owner
+function place(line) { return body_of[line] == "" ? "-" : body_of[line] }
+function chapter_at(n) { return owner[n] in chapter_of ? chapter_of[owner[n]] : "-" }
 
 # The entry's own first, then those that noticed most: one of the same function counts as ten of the same chapter.
 # `noticed` is a file of such lines as record() reads, newer than the list.
@@ -174,7 +174,7 @@ function likely(n, k, best, seen, line, weight) {
     }
     if (entry in last) { print last[entry]; seen[last[entry]] = 1 }
     for (n = 1; n <= count; ++n)
-        if (last[n] ~ / / && chapter_of(n) == chapter_of(entry)) weight[last[n]] += owner[n] == owner[entry] ? 10 : 1
+        if (last[n] ~ / / && chapter_at(n) == chapter_at(entry)) weight[last[n]] += owner[n] == owner[entry] ? 10 : 1
     for (k = 0; k < 6; ++k) {
         best = ""
         for (n in weight)
@@ -188,7 +188,7 @@ function likely(n, k, best, seen, line, weight) {
 # Tests that noticed an entry of a chapter, most of its entries first
 function order(n, test, weight, best) {
     for (n = 1; n <= count; ++n)
-        if (n in last && chapter_of(n) == chapter) {
+        if (n in last && chapter_at(n) == chapter) {
             test = last[n]
             sub(/ .*/, "", test)
             ++weight[test]
@@ -224,7 +224,11 @@ END {
     if (mode == "check") check()
     if (mode == "order") order()
     if (mode == "likely") likely()
-    if (mode == "list") for (n = 1; n <= count; ++n) print n, chapter_of(n), place(n), find(n), rank(n)
+    if (mode == "list")
+        for (n = 1; n <= count; ++n) {
+            line = find(n)
+            print n, chapter_at(n), place(line), line, rank(n)
+        }
     if (mode == "weak") print_header(0)
     if (mode == "mutated") { apply(entry); print_header(0) }
     if (mode == "faces") { if (entry) apply(entry); print_header(1) }

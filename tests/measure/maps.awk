@@ -20,7 +20,7 @@ single && substr($0, 31, 2) == "8 " && /\|/ {
 !single { print }
 
 function print_table(    i, k) {
-    printf "## Errors with 8 floats\n\nRoot mean square errors of transmittance in the gas; all other figures are in `build/maps.csv`.\n\n| with 8 floats |"
+    printf "## Errors with 8 floats\n\nRoot mean square errors of transmittance in the gas; all other figures are in `build/maps.txt`.\n\n| with 8 floats |"
     for (k = 1; k <= scene_count; ++k) printf " %s |", tolower(scenes[k])
     printf "\n|---|"
     for (k = 1; k <= scene_count; ++k) printf "---|"

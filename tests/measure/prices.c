@@ -687,14 +687,13 @@ static void headline(price *p, const char *folder) {
 /* ---- the default mode ---- */
 
 /* The median time of a scene's frames once all is cached; *first is that of the first one, in a new context. */
-static double time_frames(frame *f, double *first, sps_stats_report *stats) {
+static double time_frames(frame *f, double *first) {
     enum { ROUNDS = 5 };
     double seconds[ROUNDS];
     ex_session session;
     ex_session_measure(&session, program, WORKERS);
     *first = render_seconds(&session, f, &f->view);
     for (int i = 0; i < ROUNDS; ++i) seconds[i] = render_seconds(&session, f, &f->view);
-    sps_get_stats(session.context, stats);
     ex_session_end(&session);
     return ex_percentile(seconds, ROUNDS, 0.5);
 }
@@ -715,7 +714,6 @@ static double sampled_mean(const sampled *t, const frame *f) {
 static void print_default(const price_scene *scene) {
     enum { STRIDE = 9, PATHS = 1200 };
     ex_session session;
-    sps_stats_report stats;
     double first, single_first;
     priced *p = (priced *)ex_allocate(1, sizeof *p);
     memset(p, 0, sizeof *p);
@@ -727,10 +725,10 @@ static void print_default(const price_scene *scene) {
         p->frame.view.width = width, p->frame.view.height = height, p->frame.view.camera = camera;
         sampled_end(&p->truth);
         marched_truth(p, &session, STRIDE, p->frame.volume.transfer ? 0.25 : 0.5, PATHS);
-        const double truth = sampled_mean(&p->truth, NULL), seconds = time_frames(&p->frame, &first, &stats);
+        const double truth = sampled_mean(&p->truth, NULL), seconds = time_frames(&p->frame, &first);
         const double error = sampled_mean(&p->truth, &p->frame) / truth - 1;
         p->frame.view.scattering = SPS_SCATTERING_SINGLE;
-        const double single = time_frames(&p->frame, &single_first, &stats);
+        const double single = time_frames(&p->frame, &single_first);
         printf("| %s | %.0f ms | %.0f ms | %.0f ms | %+.2g %% ± %.1g %% |\n", scene->name, 1e3 * first, 1e3 * seconds,
                1e3 * single, 100 * error, 100 * p->noise / truth / p->truth.frame.view.width);
         priced_end(p);

@@ -8,7 +8,7 @@
 set -u
 cd "$(dirname "$0")/../.." || exit 1
 BUILD=$PWD/build/rivals
-RIVALS=$BUILD/rivals
+RIVALS=$PWD/build/measure/rivals
 RESULTS=$BUILD/results.txt
 SIZE=256
 THREADS=2

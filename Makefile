@@ -188,12 +188,10 @@ prices: build/measure/prices
 headline: build/measure/prices
 	build/measure/prices docs headline
 
-# The page's tables of single effects that take time.
+# Tables of single effects that take time: build/cheapest.md, build/accuracy.txt
 accuracy-tables: build/measure/bench
 	build/measure/bench cheapest | tee build/cheapest.md
 	build/measure/bench accuracy | tee build/accuracy.txt
-	@{ sed '/^## Cheapest settings/,$$d' docs/accuracy.md; cat build/cheapest.md; echo; sed -n '/^## Bounds/,$$p' docs/accuracy.md; } > build/accuracy.md
-	cp build/accuracy.md docs/accuracy.md
 
 # What stands before the first printed line is kept. make budget-fit prints the tables of the header's section budget.
 .PHONY: budget budget-fit

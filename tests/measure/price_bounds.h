@@ -4,13 +4,10 @@
 #ifndef PRICE_BOUNDS_H
 #define PRICE_BOUNDS_H
 
-/* BOUND_STRIDE: of the pixels of a truth that has all of them. */
-enum { BOUND_STEPS = 2, BOUND_STRIDE = 9 };
-
-static const double bound_steps[BOUND_STEPS] = {0.75, 0.5};
-
-/* Fine steps take twice as long: the third that they have of a truth's pixels, in either direction. */
-static const int bound_strides[BOUND_STEPS] = {1, 3};
+/* The step of the bounds, in voxels; and of a reference's pixels, every how many-th is taken in each direction: where it
+   has all of the picture, and otherwise. */
+#define BOUND_STEP 0.5
+enum { BOUND_STRIDE_ALL = 9, BOUND_STRIDE = 3 };
 
 /* Some pixels of a scene, and their bounds. */
 typedef struct bounded {
@@ -41,13 +38,13 @@ static size_t sampled_number(const sampled *t, size_t place) {
 }
 
 /* Returns non-zero where a scene has no bounds, for which the context has a sentence. */
-static int bounded_measure(bounded *b, ex_session *session, double step) {
+static int bounded_measure(bounded *b, ex_session *session) {
     sps_reference_settings settings;
     sps_image image;
     const size_t count = bounded_count(b);
     double *widths = (double *)ex_allocate(count, sizeof *widths);
     memset(&settings, 0, sizeof settings), memset(&image, 0, sizeof image);
-    settings.step = step, settings.lower = b->lower, settings.upper = b->upper;
+    settings.step = BOUND_STEP, settings.lower = b->lower, settings.upper = b->upper;
     image.rgba = b->pixels.frame.rgba;
     const double start = ex_now(NULL);
     const sps_result failed =
@@ -86,9 +83,8 @@ static void bounded_error(const bounded *b, const float *rgba, double error[2]) 
     for (int k = 0; k < 2; ++k) error[k] = sqrt(squares[k] / (double)bounded_count(b));
 }
 
-/* For step number n. */
-static void bounded_begin(bounded *b, const priced *p, int n) {
-    const int stride = p->truth.stride == 1 ? BOUND_STRIDE : p->truth.stride * bound_strides[n];
+static void bounded_begin(bounded *b, const priced *p) {
+    const int stride = p->truth.stride == 1 ? BOUND_STRIDE_ALL : p->truth.stride * BOUND_STRIDE;
     sampled_begin(&b->pixels, &p->frame, stride);
     b->lower = (float *)ex_allocate(bounded_count(b), sizeof(float));
     b->upper = (float *)ex_allocate(bounded_count(b), sizeof(float));

@@ -620,19 +620,14 @@ static void print_page(const price *prices, int count) {
     for (int i = 0; i < count; ++i) print_figures(prices + i);
 }
 
-/* What bounds cost in a scene, and what they say of its pictures at medium, high and ultra. */
+/* What bounds cost in a scene that has any, and what they say of its pictures at medium, high and ultra. */
 static void print_bounds(price *p) {
-    for (int n = 0; n < BOUND_STEPS; ++n) {
-        bounded b;
-        bounded_begin(&b, p->priced, n);
-        if (bounded_measure(&b, &p->session, bound_steps[n])) {
-            printf("| %s | refused: %s |\n", p->scene->name, sps_error(p->session.context));
-            bounded_end(&b);
-            break;
-        }
-        printf("| %s | %g | %d | %.2g %% | %.2g %% | %.1f ms | %.1g %% |", n ? "" : p->scene->name, bound_steps[n],
-               (int)(bounded_count(&b) / 3), 100 * b.width / p->mean, 100 * b.high / p->mean,
-               3e3 * b.seconds / (double)bounded_count(&b), 100 * bounded_outside(&b, &p->priced->truth) / p->mean);
+    bounded b;
+    bounded_begin(&b, p->priced);
+    if (!bounded_measure(&b, &p->session)) {
+        printf("| %s | %d | %.2g %% | %.2g %% | %.1f ms | %.1g %% |", p->scene->name, (int)(bounded_count(&b) / 3),
+               100 * b.width / p->mean, 100 * b.high / p->mean, 3e3 * b.seconds / (double)bounded_count(&b),
+               100 * bounded_outside(&b, &p->priced->truth) / p->mean);
         for (int quality = 1; quality <= 3; ++quality) { /* as turn_quality counts */
             double error[2];
             turn_quality(&p->shown, quality);
@@ -641,21 +636,21 @@ static void print_bounds(price *p) {
             printf(" %.2g to %.2g %% |", 100 * error[0] / p->mean, 100 * error[1] / p->mean);
         }
         printf("\n");
-        bounded_end(&b);
     }
+    bounded_end(&b);
 }
 
 static void print_all_bounds(price *prices, int count) {
     printf("\n## Bounds\n\n"
            "`sps_reference` with `lower` and `upper` brackets the exact radiance. The table shows the width of the "
-           "bracket, on average\nand at the 99th percentile, relative to the mean, and the time per pixel. \"Truth "
-           "outside by\" is the largest distance of\nthe tables' reference from the bracket. It is the reference's own "
-           "error: closed forms describe the gas and bounds its\nvoxels, and marched references have steps. For each "
-           "quality, the two figures are rms distances from the bracket and\nfrom its farther bound: the exact error "
-           "lies between them. Pixels are every 9th in each direction or all of the reference; with fine\nsteps, at "
-           "most every third. `build/measure/prices FOLDER bounds` prints this table alone.\n\n"
-           "| scene | step | pixels | apart | 99 %% within | time per pixel | truth outside by | error of `medium` | "
-           "`high` | `ultra` |\n|---|---|---|---|---|---|---|---|---|---|\n");
+           "bracket, on average\nand at the 99th percentile, relative to the mean, and the time per pixel, with steps of "
+           "%g voxels. \"Truth outside by\" is\nthe largest distance of the tables' reference from the bracket: its own "
+           "error. For each quality, the exact error lies\nbetween two figures: the rms distances from the bracket and "
+           "from its farther bound. Area lights, multiple scattering and\nnormals have no bounds. "
+           "`build/measure/prices FOLDER bounds` prints this table alone.\n\n"
+           "| scene | pixels | apart | 99 %% within | time per pixel | truth outside by | error of `medium` | "
+           "`high` | `ultra` |\n|---|---|---|---|---|---|---|---|---|\n",
+           BOUND_STEP);
     for (int i = 0; i < count; ++i) {
         int at[KNOBS];
         for (int k = 0; k < KNOBS; ++k) at[k] = AS_IT_IS;

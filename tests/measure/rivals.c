@@ -994,33 +994,60 @@ static const char *const rival_names[] = {"splatshadow", "Cycles", "POV-Ray", "v
 enum { RIVALS = sizeof rival_names / sizeof *rival_names };
 
 /* An error or a bias in percent, with two digits or more. */
-static void print_percent(double share, int signed_value) {
-    const char *const sign = signed_value && share > 0 ? "+" : "";
+static void print_percent(FILE *file, double share, int signed_value) {
     const double percent = 100 * share;
-    if (fabs(percent) < 10)
-        printf(" %s%.2g %% |", sign, percent);
-    else
-        printf(" %s%.0f %% |", sign, percent);
+    fprintf(file, " %s%.*g %% |", signed_value && share > 0 ? "+" : "", fabs(percent) < 10 ? 2 : 3, percent);
 }
 
-static void print_scene(const contest *c, const pixels *t, const entry *entries, int count) {
-    printf("\n### %s\n\n", c->title);
+/* Every picture of a scene. */
+static void print_scene(FILE *file, const contest *c, const pixels *t, const entry *entries, int count) {
+    fprintf(file, "\n### %s\n\n", c->title);
     if (t->stride > 1)
-        printf("Truth: %d pixels", t->side * t->side);
+        fprintf(file, "Truth: %d pixels", t->side * t->side);
     else
-        printf("Truth: the closed form, all pixels");
-    if (t->noise > 0) printf(" with an error of %.2g %%, subtracted from the errors in squares", 100 * t->noise);
+        fprintf(file, "Truth: the closed form, all pixels");
+    if (t->noise > 0) fprintf(file, " with an error of %.2g %%, subtracted from the errors in squares", 100 * t->noise);
     if (t->step_change > 0)
-        printf("; doubled steps change them by %.2g %%, linear interpolation by %.2g %%", 100 * t->step_change,
-               100 * t->grid_change);
-    printf(".\n\n| | setting | error | bias | whole process | start-up | without it | peak memory |\n"
-           "|---|---|---|---|---|---|---|---|\n");
+        fprintf(file, "; doubled steps change them by %.2g %%, linear interpolation by %.2g %%", 100 * t->step_change,
+                100 * t->grid_change);
+    fprintf(file, ".\n\n| | setting | error | bias | whole process | start-up | without it | peak memory |\n"
+                  "|---|---|---|---|---|---|---|---|\n");
     for (int i = 0; i < count; ++i) {
         const entry *e = entries + i;
         if (strcmp(e->scene, c->name) != 0) continue;
-        printf("| %s | %s |", e->who, e->setting);
-        print_percent(e->rms, 0), print_percent(e->bias, 1);
-        printf(" %.2f s | %.2f s | %.2f s | %.0f MB |\n", e->seconds, e->start, without_start(e), e->megabytes);
+        fprintf(file, "| %s | %s |", e->who, e->setting);
+        print_percent(file, e->rms, 0), print_percent(file, e->bias, 1);
+        fprintf(file, " %.2f s | %.2f s | %.2f s | %.0f MB |\n", e->seconds, e->start, without_start(e), e->megabytes);
+    }
+}
+
+/* The most accurate picture of a renderer, or its fastest one with an error of at most `bound`, if any. */
+static const entry *best_of(const entry *entries, int count, const char *scene, const char *who, double bound) {
+    const entry *best = NULL;
+    for (int i = 0; i < count; ++i) {
+        const entry *e = entries + i;
+        if (strcmp(e->scene, scene) != 0 || strcmp(e->who, who) != 0) continue;
+        const int quicker = best && best->rms <= bound && e->rms <= bound && without_start(e) < without_start(best);
+        if (!best || quicker || (best->rms > bound && e->rms < best->rms)) best = e;
+    }
+    return best;
+}
+
+static void print_side(const entry *e) {
+    printf(" %s |", e->setting);
+    print_percent(stdout, e->rms, 0);
+    printf(" %.2f s | %.0f MB |", without_start(e), e->megabytes);
+}
+
+/* Each rival's most accurate picture beside this library's fastest one that is no less accurate. */
+static void print_duels(const contest *c, const entry *entries, int count) {
+    for (int r = 1; r < RIVALS; ++r) {
+        const entry *rival = best_of(entries, count, c->name, rival_names[r], 0);
+        const entry *ours = rival ? best_of(entries, count, c->name, rival_names[0], rival->rms) : NULL;
+        if (!ours) continue;
+        printf("| %s | %s:", c->title, rival->who);
+        print_side(rival), print_side(ours);
+        printf(" %.0f |\n", without_start(rival) / without_start(ours));
     }
 }
 
@@ -1090,17 +1117,22 @@ static void draw_pictures(const entry *entries, int count, const char *folder) {
 static void print_page(const char *folder, const char *results, const char *truths) {
     static entry entries[ROWS];
     const int count = read_entries(results, entries);
+    FILE *tables = open_in(truths, "tables.md", "w");
+    if (!tables) exit(1);
+    printf("\n| scene | rival | error | time | memory | splatshadow | error | time | memory | times faster |\n"
+           "|---|---|---|---|---|---|---|---|---|---|\n");
     for (int s = 0; s < CONTESTS; ++s) {
         pixels t;
-        int found = 0;
         if (read_pixels(truths, contests[s].name, &t)) continue;
         for (int i = 0; i < count; ++i)
-            if (!strcmp(entries[i].scene, contests[s].name)) measure(&t, entries + i), ++found;
-        if (found > 0) print_scene(contests + s, &t, entries, count);
+            if (!strcmp(entries[i].scene, contests[s].name)) measure(&t, entries + i);
+        print_scene(tables, contests + s, &t, entries, count);
+        print_duels(contests + s, entries, count);
         free(t.values);
     }
-    printf("\n### Curves and pictures\n\n![Error against time](rivals_curves.png)\n\nError in percent against seconds "
-           "without start-up.\n\n![The best picture of each](rivals_pictures.png)\n\nThe best picture of each.\n");
+    fclose(tables);
+    printf("\n![Error against time](rivals_curves.png)\n\nError in percent against seconds without start-up.\n\n"
+           "![The best picture of each](rivals_pictures.png)\n\nThe best picture of each.\n");
     draw_curves(entries, count, folder);
     draw_pictures(entries, count, folder);
     for (int i = 0; i < count; ++i) free(entries[i].picture.rgba);

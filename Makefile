@@ -14,6 +14,7 @@
 # make accuracy    error and time of every knob in twelve scenes, into docs/accuracy.md and docs/accuracy_*.png
 # make accuracy-quick  the scenes with a closed form and two knobs of it, in half a minute; SCENE=name: all of that scene
 # make prices      the README's table: error and time of six scenes in the default mode
+# make uses        seconds and bytes of what a program compiles that calls only some functions
 # make headline    a scene at three settings, docs/price.png, and the error and time of each
 # make accuracy-tables  that page's tables of error against time of single effects
 # make budget      what budgets of time and error promise, and what they keep, into docs/budget.md; 8 minutes
@@ -179,6 +180,11 @@ SCENE = quick
 accuracy-quick: build/measure/prices
 	@mkdir -p build/price_list/$(SCENE)
 	build/measure/prices build/price_list/$(SCENE) $(SCENE)
+
+# What SPS_API static leaves out
+.PHONY: uses
+uses:
+	@CC="$(CC)" sh tests/measure/uses.sh
 
 # The README's table of prices; and a picture at three settings
 .PHONY: headline prices

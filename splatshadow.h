@@ -1081,8 +1081,10 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 /* Compiling cold functions for size saves a quarter of the compile time. */
 #ifdef __GNUC__
 #define SPSI_COLD static __attribute__((cold))
+#define SPSI_NOINLINE static __attribute__((noinline)) /* where compilers would unroll every copy of a loop */
 #else
 #define SPSI_COLD static
+#define SPSI_NOINLINE static
 #endif
 
 #define SPSI_PI       3.14159265358979323846
@@ -16282,7 +16284,7 @@ static void spsi_spread_along(const spsi_spread_light *light, int side, float **
 }
 
 /* Transposes. */
-static void spsi_spread_transpose(const spsi_spread_light *light, int side, const float *part, float *turned) {
+SPSI_NOINLINE void spsi_spread_transpose(const spsi_spread_light *light, int side, const float *part, float *turned) {
     const size_t from = (size_t)light->pitch[side], to = (size_t)light->pitch[!side];
     const int lines = light->size[!side], block = 16; /* one cache line */
     for (int first = 0; first < lines; first += block)

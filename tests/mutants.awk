@@ -68,7 +68,7 @@ function begin_owner(here) {
         sub(/^#define /, "", begun)
         sub(/[ (].*/, "", begun)
         ending = "[^\\\\]$"
-    } else if (here ~ /^(static|SPSI_COLD|SPS_API) [^=;]*\(/ && here !~ /;$/) {
+    } else if (here ~ /^(static|SPSI_COLD|SPSI_NOINLINE|SPS_API) [^=;]*\(/ && here !~ /;$/) {
         begun = name_before(here, "\\(")
         plain = here !~ /^static inline /
         ending = here ~ /\{.*\}$/ ? "." : "^\\}"
@@ -138,7 +138,7 @@ function check(n, failed) {
 # The beginning of a function in the output: weak, or without its body and with external linkage.
 function opening(line, faces) {
     if (!faces && sub(/^SPSI_COLD /, "", line)) return "__attribute__((weak, cold)) " line
-    sub(/^(static|SPSI_COLD) /, "", line)
+    sub(/^(static|SPSI_COLD|SPSI_NOINLINE) /, "", line)
     return faces ? line : "__attribute__((weak)) " line
 }
 

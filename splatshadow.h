@@ -99,7 +99,7 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
                                  compiler is told to use (-march=native, /arch:AVX2, ...)
 
 MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs about
-    20 bytes per relevant voxel, 32 per particle, 176 per triangle, 24 to 60 per pixel and 68 per texel of shadow
+    10 bytes per relevant voxel, 32 per particle, 176 per triangle, 24 to 60 per pixel and 68 per texel of shadow
     buffer. docs/manual.md, section 10, lists the rest. memory_limit is never exceeded.
 ERRORS   Calls return sps_result; sps_error and sps_get_error tell field and value. After a failure the image is
     untouched and the context can be used again.
@@ -1114,6 +1114,7 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_PATCH       8  /* pixels on a side; a tile has 8 x 8, one bit each in a uint64_t */
 #define SPSI_CHUNK       16 /* slabs splatted per visit of a voxel */
 #define SPSI_BRICK       8  /* voxels on a side, unit of binning */
+#define SPSI_BRICK_BITS  3
 #define SPSI_BLOCK       32 /* voxels on a side, unit of reading */
 #define SPSI_MARGIN      3  /* apron of a block, to decide which voxels a transfer function shows */
 
@@ -5107,18 +5108,17 @@ SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *sc
 }
 
 /* =============================================================================================== >>gather
-   10 Relevant voxels. Volumes are read in blocks; relevant voxels go into bricks of 8^3, 16 bytes each, in segments
+   10 Relevant voxels. Volumes are read in blocks; relevant voxels go into bricks of 8^3, 6 bytes each, in segments
    that never move. Unclassified voxels are relevant if not 0. Classified ones lie within two voxels of a place where
    some value up to the maximum of 3^3 neighbours has extinction. Two voxels cover 99.6 % of a kernel's weight. Cost:
    linear in voxels read. */
 
 #define SPSI_SEGMENT 16384 /* voxels; a brick is in one segment */
-#define SPSI_PADDING 16    /* floats after the last voxel, for vector loads */
+#define SPSI_PADDING 16    /* entries after the last voxel, for vector loads */
 
 typedef struct spsi_segment {
-    float x[SPSI_SEGMENT + SPSI_PADDING], y[SPSI_SEGMENT + SPSI_PADDING],
-        z[SPSI_SEGMENT + SPSI_PADDING]; /* steps from the brick's first voxel */
     float value[SPSI_SEGMENT + SPSI_PADDING];
+    uint16_t place[SPSI_SEGMENT + SPSI_PADDING]; /* x + 8 y + 64 z in the brick */
     int used;
 } spsi_segment;
 
@@ -5443,6 +5443,19 @@ static void spsi_block_task(void *data, int index, int worker) {
     }
 }
 
+/* Coordinates of voxel `i` in its brick. */
+static inline int spsi_segment_step(const spsi_segment *segment, int i, int axis) {
+    return segment->place[i] >> SPSI_BRICK_BITS * axis & (SPSI_BRICK - 1);
+}
+
+static inline void spsi_segment_steps(const spsi_segment *segment, int first, spsi_v steps[3]) {
+    float lanes[3][SPSI_LANES];
+    for (int k = 0; k < 3; ++k) {
+        for (int i = 0; i < SPSI_LANES; ++i) lanes[k][i] = (float)spsi_segment_step(segment, first + i, k);
+        steps[k] = spsi_load(lanes[k]);
+    }
+}
+
 static spsi_segment *spsi_segment_at(const sps_context *context, int index) {
     SPS_ASSERT(index >= 0 && index < context->segment_count);
     return ((spsi_segment **)context->buffers[SPSI_BUFFER_SEGMENTS].data)[index];
@@ -5516,9 +5529,7 @@ static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, sp
                                                                     brick->base[2] + z);
             for (int x = 0; row >> x; ++x) {
                 if (!(row >> x & 1)) continue;
-                segment->x[at] = (float)x;
-                segment->y[at] = (float)y;
-                segment->z[at] = (float)z;
+                segment->place[at] = (uint16_t)((z * SPSI_BRICK + y) * SPSI_BRICK + x);
                 segment->value[at++] = values[x];
                 brick->most = spsi_fmax(brick->most, values[x]);
             }
@@ -5529,8 +5540,7 @@ static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, sp
     }
     spsi_brick_bound(brick, steps);
     if (at < segment->used) return;
-    for (int i = 0; i < SPSI_PADDING; ++i)
-        segment->x[at + i] = segment->y[at + i] = segment->z[at + i] = segment->value[at + i] = 0;
+    for (int i = 0; i < SPSI_PADDING; ++i) segment->place[at + i] = 0, segment->value[at + i] = 0;
 }
 
 static void spsi_bricks_fill_task(void *data, int index) {
@@ -5589,10 +5599,9 @@ static void spsi_brick_fingerprints_task(void *data, int index) {
     uint64_t sums[4] = {SPSI_FINGERPRINT_START, 1, 2, 3};
     for (int i = 0; i < brick->count; ++i) {
         const int at = brick->first + i;
-        const float place = segment->x[at] + SPSI_BRICK * (segment->y[at] + SPSI_BRICK * segment->z[at]);
         uint32_t value;
         memcpy(&value, &segment->value[at], sizeof value);
-        sums[i & 3] = spsi_fingerprint_word(sums[i & 3], (uint64_t)place << 32 | value);
+        sums[i & 3] = spsi_fingerprint_word(sums[i & 3], (uint64_t)segment->place[at] << 32 | value);
     }
     for (int i = 1; i < 4; ++i) sums[0] = spsi_fingerprint_word(sums[0], sums[i]);
     for (int i = 0; i < 3; ++i) sums[0] = spsi_fingerprint_word(sums[0], (uint64_t)brick->base[i]);
@@ -10506,8 +10515,8 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
         const int at = brick->first + i;
         const int all = brick->count - i < SPSI_LANES ? (1 << (brick->count - i)) - 1 : SPSI_ALL_LANES;
         const spsi_v value = spsi_load(segment->value + at);
-        const spsi_v steps[3] = {spsi_load(segment->x + at), spsi_load(segment->y + at), spsi_load(segment->z + at)};
-        spsi_v q[3], depth, slab;
+        spsi_v steps[3], q[3], depth, slab;
+        spsi_segment_steps(segment, at, steps);
         spsi_voxels_place(s, origin, steps, q, &depth, &slab);
         int bits = all & spsi_bits(spsi_and(spsi_less(spsi_sub(slab, reach), spsi_set((float)tile->slab_count)),
                                             spsi_less(spsi_set(0), spsi_add(slab, reach))));
@@ -10673,9 +10682,9 @@ static void spsi_deposit_brick(const spsi_deposit *deposit, const spsi_segment *
     const spsi_v one = spsi_set(1);
     for (int i = 0; i < brick->count; i += SPSI_LANES) {
         const int at = brick->first + i, count = spsi_imin(SPSI_LANES, brick->count - i);
-        const spsi_v steps[3] = {spsi_load(segment->x + at), spsi_load(segment->y + at), spsi_load(segment->z + at)};
-        spsi_v mass = spsi_mul(spsi_load(segment->value + at), spsi_set(s->mass)), q[3], depth, slab;
+        spsi_v mass = spsi_mul(spsi_load(segment->value + at), spsi_set(s->mass)), steps[3], q[3], depth, slab;
         spsi_deposit_weights shares;
+        spsi_segment_steps(segment, at, steps);
         spsi_voxels_place(s, deposit->origin, steps, q, &depth, &slab);
         if (s->perspective) {
             const spsi_v per_t = spsi_div(one, q[2]);
@@ -11061,7 +11070,8 @@ static void spsi_pyramid_own_task(void *data, int held) {
     for (int k = 0; k < 3; ++k) at[k] = source->base[k] % SPSI_BRICK + border;
     own = values + (at[2] * edge + at[1]) * pitch + at[0];
     for (int i = source->first; i < source->first + source->count; ++i)
-        own[((int)segment->z[i] * edge + (int)segment->y[i]) * pitch + (int)segment->x[i]] = segment->value[i];
+        own[(spsi_segment_step(segment, i, 2) * edge + spsi_segment_step(segment, i, 1)) * pitch +
+            spsi_segment_step(segment, i, 0)] = segment->value[i];
     spsi_pyramid_show(job, values, job->field->shown + (size_t)held * SPSI_BRICK);
 }
 
@@ -18775,15 +18785,16 @@ typedef struct spsi_emitter_sum {
 
 static void spsi_emitter_sum_brick(const sps_context *context, const spsi_brick *brick, int edge,
                                    spsi_emitter_sum *sums) {
-    const spsi_segment *segment = ((spsi_segment *const *)context->buffers[SPSI_BUFFER_SEGMENTS].data)[brick->segment];
+    const spsi_segment *segment = spsi_segment_at(context, brick->segment);
     const int side = SPSI_BRICK / edge;
     for (int i = brick->first; i < brick->first + brick->count; ++i) {
-        const double step[3] = {(double)segment->x[i], (double)segment->y[i], (double)segment->z[i]};
         const double value = (double)segment->value[i];
-        spsi_emitter_sum *sum = &sums[((int)step[2] / edge * side + (int)step[1] / edge) * side + (int)step[0] / edge];
+        int own = 0;
+        for (int k = 2; k >= 0; --k) own = own * side + spsi_segment_step(segment, i, k) / edge;
+        spsi_emitter_sum *sum = &sums[own];
         sum->value += value;
         for (int k = 0; k < 3; ++k) {
-            const double place = brick->base[k] + step[k];
+            const double place = brick->base[k] + spsi_segment_step(segment, i, k);
             sum->place[k] += value * place;
             sum->square[k] += value * place * place;
         }

@@ -753,9 +753,8 @@ static void test_deposits(void) {
             const spsi_segment *segment = spsi_segment_at(context, brick->segment);
             const spsi_lattice *lattice = &sheets->target.frame->lattices[0];
             for (int n = brick->first; n < brick->first + brick->count; ++n) {
-                const double step[3] = {(double)segment->x[n], (double)segment->y[n], (double)segment->z[n]};
                 double at[3], point[3];
-                for (int k = 0; k < 3; ++k) at[k] = brick->base[k] + step[k] + 0.5;
+                for (int k = 0; k < 3; ++k) at[k] = brick->base[k] + spsi_segment_step(segment, n, k) + 0.5;
                 spsi_voxel_position(lattice, at, point);
                 for (int k = 0; k < 4; ++k)
                     exact_sums[k] += lattice->voxel_volume * (double)segment->value[n] * (k < 3 ? point[k] : 1);

@@ -796,8 +796,9 @@ static int mark_held(void) {
         const spsi_brick *brick = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data + b;
         const spsi_segment *segment = spsi_segment_at(context, brick->segment);
         for (int i = brick->first; i < brick->first + brick->count; ++i) {
-            const int x = brick->base[0] + (int)segment->x[i], y = brick->base[1] + (int)segment->y[i];
-            const int n = ((brick->base[2] + (int)segment->z[i]) * TALL + y) * WIDE + x;
+            const int x = brick->base[0] + spsi_segment_step(segment, i, 0);
+            const int y = brick->base[1] + spsi_segment_step(segment, i, 1);
+            const int n = ((brick->base[2] + spsi_segment_step(segment, i, 2)) * TALL + y) * WIDE + x;
             wrong += segment->value[i] < matter[n] || segment->value[i] > matter[n] || held[n];
             held[n] = 1;
         }

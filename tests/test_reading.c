@@ -190,8 +190,7 @@ static int check_brick(const sps_context *context, const int base[3], int *at) {
         good = *at < context->brick_count && count < brick->count;
         if (!good) continue;
         segment = spsi_segment_at(context, brick->segment);
-        good = (int)segment->x[brick->first + count] == step[0] && (int)segment->y[brick->first + count] == step[1] &&
-               (int)segment->z[brick->first + count] == step[2] &&
+        good = segment->place[brick->first + count] == n &&
                memcmp(&segment->value[brick->first + count], &values[voxel], sizeof(float)) == 0;
         count += 1;
     }
@@ -217,7 +216,7 @@ static void check_bricks(const sps_context *context) {
     for (int i = 0; i < context->segment_count; ++i) {
         const spsi_segment *segment = spsi_segment_at(context, i);
         for (int k = segment->used; k < segment->used + SPSI_PADDING; ++k)
-            wrong += segment->x[k] != 0 || segment->y[k] != 0 || segment->z[k] != 0 || segment->value[k] != 0;
+            wrong += segment->place[k] != 0 || segment->value[k] != 0;
     }
     CHECK(wrong == 0);
 }

@@ -219,6 +219,11 @@ budget-fit: build/measure/budget
 first-flights: build/measure/fire
 	build/measure/fire $(FIRE)
 
+# Bytes per set voxel.
+.PHONY: sparse
+sparse: build/measure/sparse
+	build/measure/sparse
+
 # The program prints all figures, of which the page has those of one size, and draws pictures into build/maps/.
 .PHONY: maps
 maps: build/measure/maps

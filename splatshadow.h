@@ -660,7 +660,7 @@ typedef enum sps_filling {
     SPS_FILLING_AUTO = 0,
     /* Voxel by voxel: cost is proportional to relevant voxels. Surface shading needs GATHER's memory, for normals. */
     SPS_FILLING_SPLAT,
-    /* Pixel by pixel: cost is proportional to pixels times slabs; 5900 bytes per brick of 8^3 voxels (10900 at high and
+    /* Pixel by pixel: cost is proportional to pixels times slabs; 4100 bytes per brick of 8^3 voxels (6900 at high and
        ultra). Mostly faster unless voxels are scattered. Some volumes are splatted nevertheless: docs/manual.md,
        section 4. */
     SPS_FILLING_GATHER
@@ -1733,8 +1733,10 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_SEGMENTS,
     SPSI_BUFFER_PYRAMIDS, /* >>sampler */
     SPSI_BUFFER_PYRAMID_GRIDS,
+    SPSI_BUFFER_PYRAMID_STORED,
     SPSI_BUFFER_PYRAMID_VALUES,
     SPSI_BUFFER_LEVEL_GRIDS, /* coarser mip levels */
+    SPSI_BUFFER_LEVEL_STORED,
     SPSI_BUFFER_LEVEL_VALUES,
     SPSI_BUFFER_THIRDS,    /* bounds of third differences, >>sampler */
     SPSI_BUFFER_EYE_SPENT, /* used tolerance, >>targets */
@@ -3994,6 +3996,15 @@ typedef struct spsi_flights {
 #define SPSI_PYRAMID_REACHES 3    /* sampling distances from visible voxels */
 #define SPSI_LEVELS        12   /* coarser levels; voxel edges double */
 
+/* Planes are layers of a column of bricks with their apron, so that bricks share those above and below. The first is
+   empty. */
+typedef struct spsi_pyramid_brick {
+    size_t planes[SPSI_BRICK + 5]; /* per layer, apron included: first float in `values` */
+    int place, source;           /* grid index; source brick, -1: none */
+    unsigned char layers[9];     /* per third in x and y: mask of own layers that may have voxels */
+    uint64_t shown[SPSI_BRICK];  /* mask of visible voxels, by layer */
+} spsi_pyramid_brick;
+
 typedef struct spsi_pyramid_level {
     int low[3], size[3];  /* first brick, number per axis */
     int first, end;       /* range of source bricks */
@@ -4001,13 +4012,11 @@ typedef struct spsi_pyramid_level {
     float most;           /* maximum value; 0: unknown */
     double volume;        /* upper bound in reach, voxels */
     int *grid;            /* per brick: stored index; -1: none. NULL: no pyramid */
-    int *sources;         /* per brick: source; -1: none */
-    int *places;          /* per stored brick: grid index */
     int count;            /* stored bricks */
-    float *values;        /* values of stored bricks */
-    uint64_t *shown;      /* per stored brick: mask of visible voxels, by layer */
+    spsi_pyramid_brick *stored;
+    float *values;        /* planes */
     uint32_t (
-        *cells[SPSI_PYRAMID_REACHES])[2]; /* per brick: mask of 2^3-voxel cells to sample */
+        *cells[SPSI_PYRAMID_REACHES])[2]; /* per brick: mask of 2^3-voxel cells to sample; unclassified: one reach */
     float *bends; /* bounds of third differences: per eighth brick, maximum of 2^3 */
 } spsi_pyramid_level;
 
@@ -5125,6 +5134,7 @@ typedef struct spsi_segment {
 typedef struct spsi_brick {
     int lattice, base[3];          /* first voxel */
     unsigned char low[3], high[3]; /* range of its voxels' steps */
+    unsigned char layers[9];       /* per third in x and y (3, 3 and 2 voxels): mask of layers with voxels */
     int segment, first, count;     /* range of voxels in a segment */
     float most;                    /* maximum value */
 } spsi_brick;
@@ -5521,6 +5531,7 @@ static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, sp
     uint64_t steps[3] = {0, 0, 0};
     int at = brick->first;
     brick->most = 0;
+    memset(brick->layers, 0, sizeof brick->layers);
     for (int z = 0; z < SPSI_BRICK; ++z) {
         const uint64_t layer = spsi_brick_layer(voxels, brick->base, z);
         for (int y = 0; y < SPSI_BRICK; ++y) {
@@ -5531,6 +5542,7 @@ static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, sp
                 if (!(row >> x & 1)) continue;
                 segment->place[at] = (uint16_t)((z * SPSI_BRICK + y) * SPSI_BRICK + x);
                 segment->value[at++] = values[x];
+                brick->layers[y / 3 * 3 + x / 3] |= (unsigned char)(1 << z);
                 brick->most = spsi_fmax(brick->most, values[x]);
             }
             steps[0] |= row;
@@ -10877,9 +10889,10 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossi
 
 /* ================================================================================================ >>sampler
    21 Volumes sampled per pixel (gathered). A value is the sum of 4^3 or 6^3 voxels around a point, weighted by a
-   normalised kernel tabulated for 1025 positions. Bricks of 8^3 voxels have an apron for the taps. A bit per cell of
-   2^3 voxels marks where samples matter. Samples lie in the middles of steps h. A slab's integral is h times their sum
-   plus h / 24 times the change of differences between its ends. This midpoint rule with end correction has an error
+   normalised kernel tabulated for 1025 positions. Bricks of 8^3 voxels have an apron for the taps. They share layers
+   with those above and below, and store no empty ones. A bit per cell of 2^3 voxels marks where samples matter. Samples
+   lie in the middles of steps h. A slab's integral is h times their sum plus h / 24 times the change of differences
+   between its ends. This midpoint rule with end correction has an error
    O(h^4). Slabs cut by a polygon or the near plane are sampled separately.
    Where voxels are smaller than pixels, a pixel has two rays. They swing between corners of its middle half from sample
    to sample, as good as four rays. Still smaller voxels take up to 8^2. Unclassified volumes have a pyramid, filtered
@@ -10913,12 +10926,10 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossi
 #define SPSI_COST_SAMPLE      8.0
 #define SPSI_COST_SAMPLE_WIDE 27.0 /* 6^3 taps */
 
-/* Floats along an edge, apron included, and from row to row. */
+/* Floats along an edge, apron included, from row to row, and in a plane. With 6 taps a row is a cache line. */
 static inline int spsi_pyramid_edge(int taps) { return SPSI_BRICK + taps - 1; }
-static inline int spsi_pyramid_pitch(int taps) { return taps > 4 ? 16 : 12; }
-static inline size_t spsi_pyramid_floats(int taps) {
-    return (size_t)(spsi_pyramid_edge(taps) * spsi_pyramid_edge(taps) * spsi_pyramid_pitch(taps));
-}
+static inline int spsi_pyramid_pitch(int taps) { return taps > 4 ? 16 : 11; }
+static inline int spsi_plane_floats(int taps) { return spsi_pyramid_edge(taps) * spsi_pyramid_pitch(taps); }
 
 /* Largest step h in voxels. Waves of length h alias; the kernel leaves exp(-2 (pi sigma / h)^2): 2 %, or 0.02 % with
    6^3 taps. */
@@ -11014,20 +11025,14 @@ static void spsi_pyramid_mark(const spsi_brick *brick, int taps, spsi_pyramid_le
             }
 }
 
-/* Registers source bricks, and numbers the bricks within reach. */
+/* Numbers the bricks within reach of source bricks. */
 SPSI_COLD void spsi_pyramid_number(const spsi_brick *bricks, int taps, spsi_pyramid_level *field) {
     const size_t cells = spsi_pyramid_cells(field);
-    for (size_t i = 0; i < cells; ++i) field->sources[i] = -1, field->grid[i] = 0;
-    for (int i = field->first; i < field->end; ++i) {
-        const int *base = bricks[i].base, own[3] = {base[0] / SPSI_BRICK, base[1] / SPSI_BRICK, base[2] / SPSI_BRICK};
-        spsi_pyramid_mark(&bricks[i], taps, field);
-        field->sources[spsi_pyramid_cell(field, own)] = i;
-    }
+    memset(field->grid, 0, cells * sizeof *field->grid);
+    for (int i = field->first; i < field->end; ++i) spsi_pyramid_mark(&bricks[i], taps, field);
     for (size_t i = 0; i < cells; ++i) {
         const int marks = field->grid[i];
-        field->grid[i] = marks ? field->count : -1;
-        if (!marks) continue;
-        field->places[field->count++] = (int)i;
+        field->grid[i] = marks ? field->count++ : -1;
         field->volume += spsi_bit_count((uint64_t)marks) * (SPSI_BRICK * SPSI_BRICK * SPSI_BRICK / 8);
     }
 }
@@ -11037,42 +11042,105 @@ typedef struct spsi_pyramid_job {
     const spsi_brick *bricks;        /* relevant voxels */
     const spsi_material *classifies; /* decides visibility; NULL: above 0 */
     int taps;
-    const spsi_pyramid_level *field;
+    spsi_pyramid_level *field;
     const spsi_pyramid_level *fine; /* next finer level, or NULL */
 } spsi_pyramid_job;
 
+/* Stored brick at a place; -1: none. */
+static int spsi_pyramid_held(const spsi_pyramid_level *field, const int at[3]) {
+    return spsi_pyramid_has(field, at) ? field->grid[spsi_pyramid_cell(field, at)] : -1;
+}
+
+static int spsi_pyramid_beside(const spsi_pyramid_level *field, const int at[3], int x, int y, int z) {
+    const int other[3] = {at[0] + x, at[1] + y, at[2] + z};
+    return spsi_pyramid_held(field, other);
+}
+
+static inline float *spsi_pyramid_plane(const spsi_pyramid_level *field, int held, int layer) {
+    return field->values + field->stored[held].planes[layer];
+}
+
+/* One of the eight finer bricks within a coarser one; -1: none. */
+static int spsi_level_child(const spsi_pyramid_level *fine, const int at[3], int n) {
+    const int own[3] = {2 * at[0] + (n & 1), 2 * at[1] + (n >> 1 & 1), 2 * at[2] + (n >> 2)};
+    return spsi_pyramid_held(fine, own);
+}
+
+/* Layers that a finer brick and its apron fill in the lower (0) or upper half of a coarser one. */
+static unsigned char spsi_level_layers(int taps, const spsi_pyramid_brick *fine, int half) {
+    int layers = 0;
+    for (int n = 0; n < 2 * SPSI_BRICK; ++n) layers |= (fine->planes[taps / 2 - 2 + n / 4 * 2 + n % 4] > 0) << n / 4;
+    return (unsigned char)(layers << 4 * half);
+}
+
+/* Lists stored bricks, with their sources and layers. */
+SPSI_COLD void spsi_pyramid_list(const spsi_pyramid_job *job) {
+    const spsi_pyramid_level *field = job->field, *fine = job->fine;
+    const size_t cells = spsi_pyramid_cells(field);
+    for (size_t i = 0; i < cells; ++i) {
+        int at[3];
+        if (field->grid[i] < 0) continue;
+        spsi_pyramid_brick *brick = &field->stored[field->grid[i]];
+        brick->place = (int)i;
+        brick->source = fine ? 0 : -1;
+        memset(brick->layers, 0, sizeof brick->layers);
+        spsi_pyramid_at(field, brick->place, at);
+        for (int n = 0; n < 8 && fine; ++n) {
+            const int held = spsi_level_child(fine, at, n);
+            for (int q = 0; q < 4 && held >= 0; ++q) /* half of a brick is in two thirds */
+                brick->layers[(n / 2 % 2 + q / 2) * 3 + n % 2 + q % 2] |=
+                    spsi_level_layers(job->taps, &fine->stored[held], n / 4);
+        }
+    }
+    for (int i = field->first; i < field->end && field->count > 0 && !fine; ++i) {
+        const int *base = job->bricks[i].base;
+        const int own[3] = {base[0] / SPSI_BRICK, base[1] / SPSI_BRICK, base[2] / SPSI_BRICK};
+        spsi_pyramid_brick *brick = &field->stored[field->grid[spsi_pyramid_cell(field, own)]];
+        brick->source = i;
+        memcpy(brick->layers, job->bricks[i].layers, sizeof brick->layers);
+    }
+}
+
 /* Visible voxels: above 0 in a gas; classified ones unless the whole range 0..value is transparent. */
-static void spsi_pyramid_show(const spsi_pyramid_job *job, const float *values, uint64_t *shown) {
-    const int edge = spsi_pyramid_edge(job->taps), pitch = spsi_pyramid_pitch(job->taps), border = job->taps / 2 - 1;
+static void spsi_pyramid_show(const spsi_pyramid_job *job, int held) {
+    const int pitch = spsi_pyramid_pitch(job->taps), border = job->taps / 2 - 1;
     const int lanes = spsi_imin(SPSI_LANES, SPSI_BRICK), whole = (1 << lanes) - 1;
     for (int z = 0; z < SPSI_BRICK; ++z) {
-        shown[z] = 0;
+        const float *plane = spsi_pyramid_plane(job->field, held, z + border);
+        uint64_t *shown = &job->field->stored[held].shown[z];
+        *shown = 0;
         for (int n = 0; n < SPSI_BRICK * SPSI_BRICK; n += lanes) {
-            const int row = (z + border) * edge + n / SPSI_BRICK + border;
-            const spsi_v value = spsi_load_first(values + row * pitch + border + n % SPSI_BRICK, lanes);
+            const float *row = plane + (n / SPSI_BRICK + border) * pitch + border + n % SPSI_BRICK;
+            const spsi_v value = spsi_load_first(row, lanes);
             const int bits = job->classifies ? ~spsi_hidden_bits(job->classifies, value)
                                              : spsi_bits(spsi_less(spsi_set(0), value));
-            shown[z] |= (uint64_t)(bits & whole) << n;
+            *shown |= (uint64_t)(bits & whole) << n;
         }
     }
 }
 
+/* Zeroes a brick's planes, except the empty one. */
+static void spsi_pyramid_clear(const spsi_pyramid_job *job, int held) {
+    const int border = job->taps / 2 - 1;
+    for (int z = border; z < border + SPSI_BRICK; ++z)
+        if (job->field->stored[held].planes[z])
+            memset(spsi_pyramid_plane(job->field, held, z), 0,
+                   (size_t)spsi_plane_floats(job->taps) * sizeof(float));
+}
+
 static void spsi_pyramid_own_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
-    const int edge = spsi_pyramid_edge(job->taps), pitch = spsi_pyramid_pitch(job->taps), border = job->taps / 2 - 1;
-    const int number = job->field->sources[job->field->places[held]];
-    float *values = job->field->values + (size_t)held * spsi_pyramid_floats(job->taps), *own;
-    int at[3];
-    memset(values, 0, spsi_pyramid_floats(job->taps) * sizeof *values);
+    const int taps = job->taps, border = taps / 2 - 1, number = job->field->stored[held].source;
+    spsi_pyramid_clear(job, held);
     if (number < 0) return;
     const spsi_brick *source = &job->bricks[number];
     const spsi_segment *segment = spsi_segment_at(job->context, source->segment);
-    for (int k = 0; k < 3; ++k) at[k] = source->base[k] % SPSI_BRICK + border;
-    own = values + (at[2] * edge + at[1]) * pitch + at[0];
-    for (int i = source->first; i < source->first + source->count; ++i)
-        own[(spsi_segment_step(segment, i, 2) * edge + spsi_segment_step(segment, i, 1)) * pitch +
-            spsi_segment_step(segment, i, 0)] = segment->value[i];
-    spsi_pyramid_show(job, values, job->field->shown + (size_t)held * SPSI_BRICK);
+    for (int i = source->first; i < source->first + source->count; ++i) {
+        const int x = spsi_segment_step(segment, i, 0), y = spsi_segment_step(segment, i, 1);
+        float *plane = spsi_pyramid_plane(job->field, held, border + spsi_segment_step(segment, i, 2));
+        plane[(border + y) * spsi_pyramid_pitch(taps) + border + x] = segment->value[i];
+    }
+    spsi_pyramid_show(job, held);
 }
 
 /* Overlap with a neighbour `off` bricks away along an axis: first voxel in brick and neighbour, and count. */
@@ -11087,15 +11155,47 @@ static inline spsi_apron spsi_apron_at(int taps, int off) {
     return off < 0 ? before : off > 0 ? behind : own;
 }
 
-static void spsi_pyramid_copy(int taps, const int off[3], const float *from, float *to) {
-    const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps);
-    const spsi_apron x = spsi_apron_at(taps, off[0]), y = spsi_apron_at(taps, off[1]), z = spsi_apron_at(taps, off[2]);
-    for (int k = 0; k < z.count; ++k)
-        for (int j = 0; j < y.count; ++j) {
-            float *row = to + ((z.to + k) * edge + y.to + j) * pitch + x.to;
-            const float *own = from + ((z.from + k) * edge + y.from + j) * pitch + x.from;
-            for (int i = 0; i < x.count; ++i) row[i] = own[i];
+/* Places a level's planes from float `next` on; returns the end of the last. */
+SPSI_COLD size_t spsi_pyramid_place_planes(int taps, const spsi_pyramid_level *field, size_t next) {
+    const spsi_apron own = spsi_apron_at(taps, 0);
+    int at[3];
+    for (int held = 0; held < field->count; ++held) {
+        int layers = 0;
+        spsi_pyramid_at(field, field->stored[held].place, at);
+        for (int n = 0; n < 9; ++n) {
+            const int other = spsi_pyramid_beside(field, at, n % 3 - 1, n / 3 - 1, 0);
+            for (int q = 0; q < 9 && other >= 0; ++q) /* of neighbours, the next thirds */
+                if ((n % 3 == 1 || n % 3 + q % 3 == 2) && (n / 3 == 1 || n / 3 + q / 3 == 2))
+                    layers |= field->stored[other].layers[q];
         }
+        for (int z = 0; z < own.count; ++z) {
+            field->stored[held].planes[own.to + z] = layers >> z & 1 ? next : 0;
+            next += layers >> z & 1 ? (size_t)spsi_plane_floats(taps) : 0;
+        }
+    }
+    for (int n = 0; n < 2 * field->count; ++n) {
+        const spsi_apron apron = spsi_apron_at(taps, n % 2 ? 1 : -1);
+        spsi_pyramid_brick *brick = &field->stored[n / 2];
+        spsi_pyramid_at(field, brick->place, at);
+        const int other = spsi_pyramid_beside(field, at, 0, 0, n % 2 ? 1 : -1);
+        for (int z = 0; z < apron.count; ++z)
+            brick->planes[apron.to + z] = other < 0 ? 0 : field->stored[other].planes[apron.from + z];
+    }
+    return next;
+}
+
+/* Fills the apron of a brick's planes from a neighbour's. */
+static void spsi_pyramid_copy(int taps, const spsi_pyramid_level *field, int from, int right, int down, int to) {
+    const spsi_apron x = spsi_apron_at(taps, right), y = spsi_apron_at(taps, down), z = spsi_apron_at(taps, 0);
+    const int pitch = spsi_pyramid_pitch(taps);
+    for (int layer = z.to; layer < z.to + z.count; ++layer) {
+        const float *source = spsi_pyramid_plane(field, from, layer);
+        float *plane = spsi_pyramid_plane(field, to, layer);
+        if (source == field->values || plane == field->values) continue; /* the empty one */
+        for (int j = 0; j < y.count; ++j)
+            for (int i = 0; i < x.count; ++i)
+                plane[(y.to + j) * pitch + x.to + i] = source[(y.from + j) * pitch + x.from + i];
+    }
 }
 
 static inline uint32_t spsi_shown_row(const uint64_t *const shown[3], int row) {
@@ -11135,34 +11235,20 @@ static void spsi_cells_mark(const uint64_t *const shown[27], int reach, uint32_t
     }
 }
 
-/* Stored bricks around one, itself included; -1: none with voxels of its own. */
-static void spsi_pyramid_around(const spsi_pyramid_level *field, int held, int around[27]) {
-    int at[3];
-    spsi_pyramid_at(field, field->places[held], at);
-    for (int n = 0; n < 27; ++n) {
-        const int other[3] = {at[0] + n % 3 - 1, at[1] + n / 3 % 3 - 1, at[2] + n / 9 - 1};
-        const size_t cell = spsi_pyramid_has(field, other) ? spsi_pyramid_cell(field, other) : 0;
-        around[n] = spsi_pyramid_has(field, other) && field->sources[cell] >= 0 ? field->grid[cell] : -1;
-    }
-}
-
 /* Fills aprons and marks cells to sample, with voxels within taps / 2, or n more for mask n of a classified volume. */
 static void spsi_pyramid_apron_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
     const spsi_pyramid_level *field = job->field;
-    const size_t floats = spsi_pyramid_floats(job->taps);
     const uint64_t *shown[27];
-    int around[27];
-    spsi_pyramid_around(field, held, around);
+    int at[3];
+    spsi_pyramid_at(field, field->stored[held].place, at);
     for (int n = 0; n < 27; ++n) {
-        const int off[3] = {n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1};
-        shown[n] = around[n] < 0 ? NULL : field->shown + (size_t)around[n] * SPSI_BRICK;
-        if (n == 13 || around[n] < 0) continue;
-        spsi_pyramid_copy(job->taps, off, field->values + (size_t)around[n] * floats,
-                          field->values + (size_t)held * floats);
+        const int right = n % 3 - 1, down = n / 3 % 3 - 1, other = spsi_pyramid_beside(field, at, right, down, n / 9 - 1);
+        shown[n] = other < 0 || field->stored[other].source < 0 ? NULL : field->stored[other].shown;
+        if (n / 9 == 1 && n != 13 && shown[n]) spsi_pyramid_copy(job->taps, field, other, right, down, held);
     }
     for (int n = 0; n < (job->classifies ? SPSI_PYRAMID_REACHES : 1); ++n)
-        spsi_cells_mark(shown, job->taps / 2 + n, field->cells[n][field->places[held]]);
+        spsi_cells_mark(shown, job->taps / 2 + n, field->cells[n][field->stored[held].place]);
 }
 
 /* ---- third differences ---- */
@@ -11198,11 +11284,11 @@ static inline void spsi_third_difference(const float *v, const int step[3], spsi
    differences. */
 static void spsi_pyramid_thirds(int taps, const float *values, float bends[8]) {
     static const float weights[10] = {1, 1, 1, 3, 3, 3, 3, 3, 3, 6};
-    const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), border = taps / 2 - 1;
-    const int step[3] = {1, pitch, edge * pitch}, width = spsi_imin(SPSI_LANES, SPSI_BRICK);
+    const int pitch = spsi_pyramid_pitch(taps), border = taps / 2 - 1;
+    const int step[3] = {1, pitch, spsi_plane_floats(taps)}, width = spsi_imin(SPSI_LANES, SPSI_BRICK);
     float most[8][10];
     memset(most, 0, sizeof most);
-    values += (border * edge + border) * pitch + border;
+    values += border * (step[2] + step[1] + step[0]);
     for (int n = 0; n < 4; ++n)
         for (int x = 0; x < SPSI_BRICK; x += width) {
             spsi_v third[10];
@@ -11236,10 +11322,11 @@ SPSI_COLD void spsi_level_place(const spsi_pyramid_level *fine, spsi_pyramid_lev
 /* Numbers a level's bricks around the finer ones. Each may have voxels of its own. */
 SPSI_COLD void spsi_level_number(const spsi_pyramid_level *fine, spsi_pyramid_level *level) {
     const size_t cells = spsi_pyramid_cells(level);
-    for (size_t i = 0; i < cells; ++i) level->grid[i] = 0;
-    for (int held = 0; held < fine->count; ++held) {
+    memset(level->grid, 0, cells * sizeof *level->grid);
+    for (size_t i = 0; i < spsi_pyramid_cells(fine); ++i) {
         int at[3];
-        spsi_pyramid_at(fine, fine->places[held], at);
+        if (fine->grid[i] < 0) continue;
+        spsi_pyramid_at(fine, (int)i, at);
         for (int n = 0; n < 8; ++n) {
             int own[3];
             for (int k = 0; k < 3; ++k) own[k] = spsi_pyramid_half(at[k] + (n >> k & 1 ? 1 : -1));
@@ -11247,56 +11334,50 @@ SPSI_COLD void spsi_level_number(const spsi_pyramid_level *fine, spsi_pyramid_le
         }
     }
     level->count = 0;
-    for (size_t i = 0; i < cells; ++i) {
-        if (level->grid[i]) level->places[level->count] = (int)i;
-        level->sources[i] = level->grid[i] = level->grid[i] ? level->count++ : -1;
-    }
+    for (size_t i = 0; i < cells; ++i) level->grid[i] = level->grid[i] ? level->count++ : -1;
 }
 
-/* Downsamples a brick and its one-voxel border to 4^3 voxels, weights (1, 3, 3, 1) / 8. */
-static void spsi_level_octant(int taps, const float *fine, float *coarse) {
+/* Downsamples a brick and its one-voxel border to 4^3 voxels of another, weights (1, 3, 3, 1) / 8. */
+static void spsi_level_octant(const spsi_pyramid_job *job, int from, int to, const int first[3]) {
     enum { FROM = SPSI_BRICK + 2, TO = SPSI_BRICK / 2 };
-    const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), first = taps / 2 - 2;
+    const int pitch = spsi_pyramid_pitch(job->taps), before = job->taps / 2 - 2;
     float x_halved[FROM][FROM][TO], xy_halved[FROM][TO][TO];
-    for (int z = 0; z < FROM; ++z)
+    for (int z = 0; z < FROM; ++z) {
+        const float *plane = spsi_pyramid_plane(job->fine, from, z + before);
         for (int y = 0; y < FROM; ++y)
             for (int x = 0; x < TO; ++x) {
-                const float *v = fine + ((z + first) * edge + y + first) * pitch + 2 * x + first;
+                const float *v = plane + (y + before) * pitch + 2 * x + before;
                 x_halved[z][y][x] = 0.125f * (v[0] + v[3]) + 0.375f * (v[1] + v[2]);
             }
+    }
     for (int z = 0; z < FROM; ++z)
         for (int y = 0; y < TO; ++y)
             for (int x = 0; x < TO; ++x)
                 xy_halved[z][y][x] = 0.125f * (x_halved[z][2 * y][x] + x_halved[z][2 * y + 3][x]) +
                                      0.375f * (x_halved[z][2 * y + 1][x] + x_halved[z][2 * y + 2][x]);
-    for (int z = 0; z < TO; ++z)
-        for (int y = 0; y < TO; ++y)
+    for (int z = 0; z < TO; ++z) {
+        float *plane = spsi_pyramid_plane(job->field, to, first[2] + z);
+        for (int y = 0; y < TO && plane > job->field->values; ++y) /* not the empty one */
             for (int x = 0; x < TO; ++x)
-                coarse[(z * edge + y) * pitch + x] = 0.125f * (xy_halved[2 * z][y][x] + xy_halved[2 * z + 3][y][x]) +
-                                                     0.375f * (xy_halved[2 * z + 1][y][x] + xy_halved[2 * z + 2][y][x]);
+                plane[(first[1] + y) * pitch + first[0] + x] =
+                    0.125f * (xy_halved[2 * z][y][x] + xy_halved[2 * z + 3][y][x]) +
+                    0.375f * (xy_halved[2 * z + 1][y][x] + xy_halved[2 * z + 2][y][x]);
+    }
 }
 
 static void spsi_level_own_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
-    const spsi_pyramid_level *level = job->field, *fine = job->fine;
-    const int taps = job->taps, edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), border = taps / 2 - 1;
-    const size_t floats = spsi_pyramid_floats(taps);
-    float *values = level->values + (size_t)held * floats;
+    const int border = job->taps / 2 - 1;
     int at[3];
-    spsi_pyramid_at(level, level->places[held], at);
-    memset(values, 0, floats * sizeof *values);
+    spsi_pyramid_at(job->field, job->field->stored[held].place, at);
+    spsi_pyramid_clear(job, held);
     for (int n = 0; n < 8; ++n) {
-        int own[3], to[3], number;
-        for (int k = 0; k < 3; ++k) {
-            own[k] = 2 * at[k] + (n >> k & 1);
-            to[k] = border + SPSI_BRICK / 2 * (n >> k & 1);
-        }
-        number = spsi_pyramid_has(fine, own) ? fine->grid[spsi_pyramid_cell(fine, own)] : -1;
-        if (number >= 0)
-            spsi_level_octant(taps, fine->values + (size_t)number * floats,
-                              values + (to[2] * edge + to[1]) * pitch + to[0]);
+        const int fine = spsi_level_child(job->fine, at, n);
+        int to[3];
+        for (int k = 0; k < 3; ++k) to[k] = border + SPSI_BRICK / 2 * (n >> k & 1);
+        if (fine >= 0) spsi_level_octant(job, fine, held, to);
     }
-    spsi_pyramid_show(job, values, level->shown + (size_t)held * SPSI_BRICK);
+    spsi_pyramid_show(job, held);
 }
 
 /* ---- rays ---- */
@@ -11321,38 +11402,43 @@ typedef struct spsi_sampler {
     float rows[3][3]; /* coordinates per world length, times the cube root of a voxel's volume */
 } spsi_sampler;
 
-typedef struct spsi_tap_weights {
-    const float *at[3], *change[3];
-} spsi_tap_weights;
+typedef struct spsi_taps {
+    const float *values;                 /* first tap in plane 0 */
+    const size_t *planes;                /* one per tap along z */
+    const float *weight[3], *change[3];
+} spsi_taps;
 
 /* Sum of taps as four partial sums. Calls pass a constant `taps`, so that compilers unroll. */
-static inline spsi_four spsi_taps_sum(int taps, const float *from, const spsi_tap_weights *w) {
-    const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), halves = taps > 4 ? 2 : 1;
-    const float *x = w->at[0], *y = w->at[1], *z = w->at[2];
+static inline spsi_four spsi_taps_sum(int taps, const spsi_taps *at) {
+    const int pitch = spsi_pyramid_pitch(taps), halves = taps > 4 ? 2 : 1;
+    const float *x = at->weight[0], *y = at->weight[1], *z = at->weight[2];
     spsi_four sum[2], plane[2];
-    for (int k = 0; k < taps; ++k, from += edge * pitch)
+    for (int k = 0; k < taps; ++k) {
+        const float *from = at->values + at->planes[k];
         for (int half = 0; half < halves; ++half) {
             plane[half] = spsi_four_scale(y[0], spsi_four_load(from + 4 * half));
             for (int j = 1; j < taps; ++j)
                 plane[half] = spsi_four_add(y[j], spsi_four_load(from + 4 * half + j * pitch), plane[half]);
             sum[half] = k == 0 ? spsi_four_scale(z[0], plane[half]) : spsi_four_add(z[k], plane[half], sum[half]);
         }
+    }
     sum[0] = spsi_four_mul(spsi_four_load(x), sum[0]);
     return taps == 4 ? sum[0] : spsi_four_add(1, spsi_four_mul(spsi_four_load(x + 4), sum[1]), sum[0]);
 }
 
 /* Derivatives per voxel, as partial sums likewise. */
-static inline void spsi_taps_changes(int taps, const float *from, const spsi_tap_weights *w, spsi_four changes[3]) {
-    const int edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps), halves = taps > 4 ? 2 : 1;
-    const float *y = w->at[1], *z = w->at[2], *dy = w->change[1], *dz = w->change[2];
-    for (int half = 0; half < halves; ++half, from += 4) {
-        const spsi_four x = spsi_four_load(w->at[0] + 4 * half), dx = spsi_four_load(w->change[0] + 4 * half);
-        const spsi_four none = spsi_four_scale(0, spsi_four_load(from));
+static inline void spsi_taps_changes(int taps, const spsi_taps *at, spsi_four changes[3]) {
+    const int pitch = spsi_pyramid_pitch(taps), halves = taps > 4 ? 2 : 1;
+    const float *y = at->weight[1], *z = at->weight[2], *dy = at->change[1], *dz = at->change[2];
+    for (int half = 0; half < halves; ++half) {
+        const spsi_four x = spsi_four_load(at->weight[0] + 4 * half), dx = spsi_four_load(at->change[0] + 4 * half);
+        const spsi_four none = spsi_four_scale(0, x);
         spsi_four sum = none, sum_y = none, sum_z = none;
         for (int k = 0; k < taps; ++k) {
+            const float *from = at->values + at->planes[k] + 4 * half;
             spsi_four plane = none, plane_y = none;
             for (int j = 0; j < taps; ++j) {
-                const spsi_four row = spsi_four_load(from + (k * edge + j) * pitch);
+                const spsi_four row = spsi_four_load(from + j * pitch);
                 plane = spsi_four_add(y[j], row, plane);
                 plane_y = spsi_four_add(dy[j], row, plane_y);
             }
@@ -11370,15 +11456,13 @@ static inline void spsi_taps_changes(int taps, const float *from, const spsi_tap
 typedef struct spsi_sampler_places {
     spsi_v bricks, cells; /* brick in the grid; cell in the brick */
     int brick[SPSI_LANES];
-    int first[SPSI_LANES]; /* float of a brick's first tap */
+    int layer[SPSI_LANES], first[SPSI_LANES]; /* plane of the first tap, and float in it */
     int weights[3][SPSI_LANES];
 } spsi_sampler_places;
 
 static inline void spsi_sampler_find(const spsi_sampler *t, const spsi_v place[3], spsi_sampler_places *at) {
     const spsi_pyramid_level *field = t->field;
-    const int taps = t->fields->taps;
-    const float pitch = (float)spsi_pyramid_pitch(taps), layer = pitch * (float)spsi_pyramid_edge(taps);
-    const float strides[3] = {1, pitch, layer};
+    const float strides[3] = {1, (float)spsi_pyramid_pitch(t->fields->taps), 0};
     spsi_v brick = spsi_set(0), cell = spsi_set(0), first = spsi_set(0);
     for (int k = 2; k >= 0; --k) {
         const spsi_v last = spsi_set((float)(field->size[k] * SPSI_BRICK - 1));
@@ -11387,6 +11471,7 @@ static inline void spsi_sampler_find(const spsi_sampler *t, const spsi_v place[3
         const spsi_v column = spsi_floor(spsi_mul(whole, spsi_set(1.0f / SPSI_BRICK)));
         const spsi_v within = spsi_fma(column, spsi_set(-SPSI_BRICK), whole);
         brick = spsi_fma(brick, spsi_set((float)field->size[k]), column);
+        if (k == 2) spsi_store_int(at->layer, within);
         first = spsi_fma(within, spsi_set(strides[k]), first);
         cell = spsi_fma(cell, spsi_set(SPSI_BRICK / 2), spsi_floor(spsi_mul(within, spsi_set(0.5f))));
         spsi_store_int(at->weights[k], spsi_round(spsi_mul(beyond, spsi_set(SPSI_SAMPLER_STEPS))));
@@ -11397,12 +11482,18 @@ static inline void spsi_sampler_find(const spsi_sampler *t, const spsi_v place[3
     at->cells = cell;
 }
 
+static inline void spsi_sampler_taps(const spsi_sampler *t, const spsi_sampler_places *at, int lane, int held,
+                                     spsi_taps *taps) {
+    taps->values = t->field->values + at->first[lane];
+    taps->planes = t->field->stored[held].planes + at->layer[lane];
+    for (int k = 0; k < 3; ++k) {
+        taps->weight[k] = t->fields->weights[at->weights[k][lane]];
+        taps->change[k] = t->fields->changes[at->weights[k][lane]];
+    }
+}
+
 /* Values at points in `lanes`, which must lie inside the bricks; 0 in cells not sampled. Adds the samples to *count. */
 static inline spsi_v spsi_sampler_values(const spsi_sampler *t, const spsi_v place[3], int lanes, uint64_t *count) {
-    const spsi_pyramid *fields = t->fields;
-    const spsi_pyramid_level *field = t->field;
-    const int taps = fields->taps;
-    const size_t floats = spsi_pyramid_floats(taps);
     float fours[4 * SPSI_LANES];
     spsi_sampler_places at;
     spsi_sampler_find(t, place, &at);
@@ -11411,10 +11502,9 @@ static inline spsi_v spsi_sampler_values(const spsi_sampler *t, const spsi_v pla
     memset(fours, 0, sizeof fours);
     for (; lanes; lanes &= lanes - 1) {
         const int i = spsi_lowest_bit(lanes);
-        const float *from = field->values + (size_t)field->grid[at.brick[i]] * floats + at.first[i];
-        spsi_tap_weights w;
-        for (int k = 0; k < 3; ++k) w.at[k] = fields->weights[at.weights[k][i]];
-        spsi_four_store(fours + 4 * i, taps == 4 ? spsi_taps_sum(4, from, &w) : spsi_taps_sum(6, from, &w));
+        spsi_taps taps;
+        spsi_sampler_taps(t, &at, i, t->field->grid[at.brick[i]], &taps);
+        spsi_four_store(fours + 4 * i, t->fields->taps == 4 ? spsi_taps_sum(4, &taps) : spsi_taps_sum(6, &taps));
         *count += 1;
     }
     return spsi_sum_fours(fours);
@@ -11422,8 +11512,6 @@ static inline spsi_v spsi_sampler_values(const spsi_sampler *t, const spsi_v pla
 
 /* World gradient times the cube root of a voxel's volume; 0 where no voxel is within reach. */
 static void spsi_sampler_gradient(const spsi_sampler *t, const spsi_v place[3], int lanes, spsi_v gradient[3]) {
-    const spsi_pyramid *fields = t->fields;
-    const size_t floats = spsi_pyramid_floats(fields->taps);
     float fours[3][4 * SPSI_LANES];
     spsi_sampler_places at;
     for (int i = 0; i < 3; ++i) gradient[i] = spsi_set(0);
@@ -11431,18 +11519,14 @@ static void spsi_sampler_gradient(const spsi_sampler *t, const spsi_v place[3], 
     memset(fours, 0, sizeof fours);
     for (; lanes; lanes &= lanes - 1) {
         const int i = spsi_lowest_bit(lanes), held = t->field->grid[at.brick[i]];
-        const float *from = t->field->values + (size_t)spsi_imax(held, 0) * floats + at.first[i];
-        spsi_tap_weights w;
+        spsi_taps taps;
         spsi_four changes[3];
         if (held < 0) continue;
-        for (int k = 0; k < 3; ++k) {
-            w.at[k] = fields->weights[at.weights[k][i]];
-            w.change[k] = fields->changes[at.weights[k][i]];
-        }
-        if (fields->taps == 4)
-            spsi_taps_changes(4, from, &w, changes);
+        spsi_sampler_taps(t, &at, i, held, &taps);
+        if (t->fields->taps == 4)
+            spsi_taps_changes(4, &taps, changes);
         else
-            spsi_taps_changes(6, from, &w, changes);
+            spsi_taps_changes(6, &taps, changes);
         for (int k = 0; k < 3; ++k) spsi_four_store(fours[k] + 4 * i, changes[k]);
     }
     for (int k = 0; k < 3; ++k) {
@@ -12244,10 +12328,13 @@ SPSI_COLD size_t spsi_pyramid_cells_most(const spsi_frame *frame, size_t bricks)
     return bricks < (SPSI_PYRAMID_CELLS - 65536) / 64 ? most : SPSI_PYRAMID_CELLS;
 }
 
-#define SPSI_PYRAMID_GRID_BYTES (3 * sizeof(int) + SPSI_PYRAMID_REACHES * sizeof(uint32_t[2])) /* per brick of a grid */
+SPSI_COLD int spsi_pyramid_reaches(const spsi_frame *frame, int medium) {
+    return frame->matter.materials[frame->media[medium].channel].table ? SPSI_PYRAMID_REACHES : 1;
+}
 
-SPSI_COLD size_t spsi_pyramid_brick_bytes(int taps) {
-    return spsi_pyramid_floats(taps) * sizeof(float) + SPSI_BRICK * sizeof(uint64_t);
+/* Integers per brick of a grid. */
+SPSI_COLD size_t spsi_pyramid_ints(const spsi_frame *frame, int medium) {
+    return (size_t)(1 + 2 * spsi_pyramid_reaches(frame, medium));
 }
 
 SPSI_COLD void spsi_levels_place(spsi_pyramid *fields, int medium) {
@@ -12275,8 +12362,9 @@ SPSI_COLD int spsi_may_interpolate(const spsi_frame *frame) {
 /* Upper bound of all pyramids' bytes; `bricks`: as many as may be read per volume. Voxels are within reach of 3^3
    bricks per level: the finer ones and their neighbours span up to five. Sides below three bricks may grow to three. */
 static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, const uint64_t *bricks) {
-    const size_t each = spsi_pyramid_brick_bytes(spsi_taps_wanted(frame));
+    const size_t plane = (size_t)spsi_plane_floats(spsi_taps_wanted(frame)) * sizeof(float);
     spsi_reserve(context, SPSI_BUFFER_PYRAMIDS, 1, sizeof(spsi_pyramid));
+    spsi_reserve(context, SPSI_BUFFER_PYRAMID_VALUES, 2, plane); /* empty ones */
     for (int m = 0; m < frame->medium_count; ++m) {
         const size_t reached = 27 * (size_t)bricks[m], most = spsi_pyramid_cells_most(frame, (size_t)bricks[m]);
         spsi_pyramid_level levels[2];
@@ -12284,8 +12372,9 @@ static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, c
         for (int n = 0; n <= spsi_levels_wanted(frame, m); ++n) {
             size_t cells = spsi_pyramid_cells(&levels[n % 2]);
             cells = cells < (n ? 9 : 1) * most ? cells : (n ? 9 : 1) * most;
-            spsi_reserve(context, SPSI_BUFFER_PYRAMID_GRIDS, cells, SPSI_PYRAMID_GRID_BYTES);
-            spsi_reserve(context, SPSI_BUFFER_PYRAMID_VALUES, reached < cells ? reached : cells, each);
+            spsi_reserve(context, SPSI_BUFFER_PYRAMID_GRIDS, cells, spsi_pyramid_ints(frame, m) * sizeof(int));
+            spsi_reserve(context, SPSI_BUFFER_PYRAMID_VALUES, reached < cells ? reached : cells,
+                         sizeof(spsi_pyramid_brick) + SPSI_BRICK * plane);
             if (n == 0 && spsi_may_interpolate(frame))
                 spsi_reserve(context, SPSI_BUFFER_THIRDS, cells, 8 * sizeof(float));
             spsi_level_place(&levels[n % 2], &levels[1 - n % 2]);
@@ -12293,6 +12382,7 @@ static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, c
     }
 }
 
+/* Returns the integers of all grids. */
 SPSI_COLD size_t spsi_pyramids_begin(const sps_context *context, const spsi_frame *frame, spsi_pyramid *fields) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     size_t all = 0;
@@ -12305,20 +12395,17 @@ SPSI_COLD size_t spsi_pyramids_begin(const sps_context *context, const spsi_fram
         spsi_pyramid_place(bricks, fields->taps, field);
         if (spsi_pyramid_cells(field) > spsi_pyramid_cells_most(frame, (size_t)(field->end - field->first)))
             field->size[0] = 0;
-        all += spsi_pyramid_cells(field);
+        all += spsi_pyramid_cells(field) * spsi_pyramid_ints(frame, m);
     }
     return all;
 }
 
 /* Assigns a grid's memory; returns its end. */
-SPSI_COLD int *spsi_pyramid_lay(spsi_pyramid_level *field, int *memory) {
+SPSI_COLD int *spsi_pyramid_lay(spsi_pyramid_level *field, int reaches, int *memory) {
     const size_t cells = spsi_pyramid_cells(field);
     field->grid = memory;
-    field->sources = memory + cells;
-    field->places = memory + 2 * cells;
-    memory += 3 * cells;
-    for (int n = 0; n < SPSI_PYRAMID_REACHES; ++n, memory += 2 * cells)
-        field->cells[n] = (uint32_t(*)[2])(void *)memory;
+    memory += cells;
+    for (int n = 0; n < reaches; ++n, memory += 2 * cells) field->cells[n] = (uint32_t(*)[2])(void *)memory;
     return memory;
 }
 
@@ -12334,104 +12421,125 @@ SPSI_COLD sps_result spsi_pyramids_place(sps_context *context, const spsi_frame 
     fields->bent = 0;
     spsi_pyramids_weigh(fields, taps);
     int *memory = (int *)spsi_reserve(context, SPSI_BUFFER_PYRAMID_GRIDS, spsi_pyramids_begin(context, frame, fields),
-                                      SPSI_PYRAMID_GRID_BYTES);
+                                      sizeof(int));
     if (!memory) return context->result;
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_pyramid_level *field = &fields->list[m];
         if (spsi_pyramid_cells(field) == 0) continue;
         spsi_levels_place(fields, m);
-        memory = spsi_pyramid_lay(field, memory);
+        memory = spsi_pyramid_lay(field, spsi_pyramid_reaches(frame, m), memory);
         spsi_pyramid_number((const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data, taps, field);
     }
     context->pyramids_cached = spsi_pyramids_wanted(frame);
     return SPS_OK;
 }
 
-typedef struct spsi_pyramid_stock {
-    float *values;
-    size_t count, used;
-} spsi_pyramid_stock;
-
-SPSI_COLD void spsi_pyramid_fill(sps_context *context, const spsi_frame *frame, int medium, spsi_pyramid_stock *stock,
-                                 const spsi_pyramid_level *fine, spsi_pyramid_level *field) {
-    const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
-    const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    const spsi_material *classifies = material->table ? material : NULL;
-    spsi_pyramid_job job = {context, bricks, classifies, frame->content->fields->taps, field, fine};
-    field->values = stock->values + stock->used * spsi_pyramid_floats(job.taps);
-    field->shown =
-        (uint64_t *)(void *)(stock->values + stock->count * spsi_pyramid_floats(job.taps)) + stock->used * SPSI_BRICK;
-    stock->used += (size_t)field->count;
-    for (int n = 0; n < SPSI_PYRAMID_REACHES && field->count > 0; ++n)
-        memset(field->cells[n], 0, spsi_pyramid_cells(field) * sizeof *field->cells[n]);
-    spsi_parallel_by(context, SPSI_PYRAMID_BATCH, field->count, fine ? spsi_level_own_task : spsi_pyramid_own_task,
-                     &job);
-    spsi_parallel_by(context, SPSI_PYRAMID_BATCH, field->count, spsi_pyramid_apron_task, &job);
-}
-
-SPSI_COLD sps_result spsi_pyramids_fill(sps_context *context, const spsi_frame *frame) {
-    spsi_pyramid *fields = frame->content->fields;
-    const size_t bytes = spsi_pyramid_brick_bytes(fields->taps);
-    spsi_pyramid_stock stock = {NULL, 0, 0};
-    if (fields->filled) return SPS_OK;
-    for (int m = 0; m < frame->medium_count; ++m) stock.count += (size_t)fields->list[m].count;
-    stock.values = (float *)spsi_reserve(context, SPSI_BUFFER_PYRAMID_VALUES, stock.count, bytes);
-    if (!stock.values) return context->result;
-    for (int m = 0; m < frame->medium_count; ++m) spsi_pyramid_fill(context, frame, m, &stock, NULL, &fields->list[m]);
-    fields->filled = 1;
-    return SPS_OK;
-}
-
+/* Levels of a volume up to `most`; 0 is the finest. */
 static int spsi_levels_cached(const spsi_frame *frame, int medium, int most) {
     return frame->content->fields->list[medium].count > 0 ? spsi_imin(most, spsi_levels_wanted(frame, medium)) : 0;
 }
 
-/* Returns the number of bricks. */
-SPSI_COLD size_t spsi_levels_number(const spsi_frame *frame, int levels, int *memory, spsi_pyramid *fields) {
-    size_t count = 0;
+static spsi_pyramid_job spsi_pyramid_job_of(const sps_context *context, const spsi_frame *frame, int medium,
+                                            int level) {
+    spsi_pyramid *fields = frame->content->fields;
+    const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
+    spsi_pyramid_level *levels = fields->levels[medium], *finest = &fields->list[medium];
+    const spsi_pyramid_job job = {context,
+                                  (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data,
+                                  material->table ? material : NULL,
+                                  fields->taps,
+                                  level > 0 ? &levels[level - 1] : finest,
+                                  level > 1    ? &levels[level - 2]
+                                  : level == 1 ? finest
+                                               : NULL};
+    return job;
+}
+
+SPSI_COLD void spsi_pyramid_fill(sps_context *context, int reaches, spsi_pyramid_job *job) {
+    const spsi_pyramid_level *field = job->field;
+    for (int n = 0; n < reaches && field->count > 0; ++n)
+        memset(field->cells[n], 0, spsi_pyramid_cells(field) * sizeof *field->cells[n]);
+    spsi_parallel_by(context, SPSI_PYRAMID_BATCH, field->count, job->fine ? spsi_level_own_task : spsi_pyramid_own_task,
+                     job);
+    spsi_parallel_by(context, SPSI_PYRAMID_BATCH, field->count, spsi_pyramid_apron_task, job);
+}
+
+/* Stores levels `first` to `last`, which are numbered. */
+SPSI_COLD sps_result spsi_levels_store(sps_context *context, const spsi_frame *frame, int first, int last) {
+    const size_t empty = (size_t)spsi_plane_floats(frame->content->fields->taps);
+    size_t bricks = 0, floats = empty;
     for (int m = 0; m < frame->medium_count; ++m)
-        for (int n = 0; n < spsi_levels_cached(frame, m, levels); ++n) {
-            spsi_pyramid_level *level = &fields->levels[m][n];
-            memory = spsi_pyramid_lay(level, memory);
-            spsi_level_number(n ? level - 1 : &fields->list[m], level);
-            count += (size_t)level->count;
+        for (int n = first; n <= spsi_levels_cached(frame, m, last); ++n)
+            bricks += (size_t)spsi_pyramid_job_of(context, frame, m, n).field->count;
+    spsi_pyramid_brick *stored = (spsi_pyramid_brick *)spsi_reserve(
+        context, first ? SPSI_BUFFER_LEVEL_STORED : SPSI_BUFFER_PYRAMID_STORED, bricks, sizeof *stored);
+    if (!stored) return context->result;
+    for (int m = 0; m < frame->medium_count; ++m)
+        for (int n = first; n <= spsi_levels_cached(frame, m, last); ++n) {
+            const spsi_pyramid_job job = spsi_pyramid_job_of(context, frame, m, n);
+            job.field->stored = stored;
+            stored += job.field->count;
+            spsi_pyramid_list(&job);
+            floats = spsi_pyramid_place_planes(job.taps, job.field, floats);
         }
-    return count;
+    float *values = (float *)spsi_reserve(
+        context, first ? SPSI_BUFFER_LEVEL_VALUES : SPSI_BUFFER_PYRAMID_VALUES, floats, sizeof *values);
+    if (!values) return context->result;
+    memset(values, 0, empty * sizeof *values);
+    for (int m = 0; m < frame->medium_count; ++m)
+        for (int n = first; n <= spsi_levels_cached(frame, m, last); ++n) {
+            spsi_pyramid_job job = spsi_pyramid_job_of(context, frame, m, n);
+            job.field->values = values;
+            spsi_pyramid_fill(context, spsi_pyramid_reaches(frame, m), &job);
+        }
+    return SPS_OK;
+}
+
+SPSI_COLD sps_result spsi_pyramids_fill(sps_context *context, const spsi_frame *frame) {
+    spsi_pyramid *fields = frame->content->fields;
+    if (!fields->filled && spsi_levels_store(context, frame, 0, 0)) return context->result;
+    fields->filled = 1;
+    return SPS_OK;
 }
 
 SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame, int levels) {
     spsi_pyramid *fields = frame->content->fields;
-    spsi_pyramid_stock stock = {NULL, 0, 0};
-    size_t cells = 0;
+    size_t ints = 0;
     if (fields->leveled >= levels) return SPS_OK;
     fields->leveled = 0;
     for (int m = 0; m < frame->medium_count; ++m)
         for (int n = 0; n < spsi_levels_cached(frame, m, levels); ++n)
-            cells += spsi_pyramid_cells(&fields->levels[m][n]);
-    int *grids = (int *)spsi_reserve(context, SPSI_BUFFER_LEVEL_GRIDS, cells, SPSI_PYRAMID_GRID_BYTES);
-    if (!grids) return context->result;
-    stock.count = spsi_levels_number(frame, levels, grids, fields);
-    stock.values =
-        (float *)spsi_reserve(context, SPSI_BUFFER_LEVEL_VALUES, stock.count, spsi_pyramid_brick_bytes(fields->taps));
-    if (!stock.values) return context->result;
+            ints += spsi_pyramid_cells(&fields->levels[m][n]) * spsi_pyramid_ints(frame, m);
+    int *memory = (int *)spsi_reserve(context, SPSI_BUFFER_LEVEL_GRIDS, ints, sizeof(int));
+    if (!memory) return context->result;
     for (int m = 0; m < frame->medium_count; ++m)
-        for (int n = 0; n < spsi_levels_cached(frame, m, levels); ++n)
-            spsi_pyramid_fill(context, frame, m, &stock, n ? &fields->levels[m][n - 1] : &fields->list[m],
-                              &fields->levels[m][n]);
+        for (int n = 0; n < spsi_levels_cached(frame, m, levels); ++n) {
+            spsi_pyramid_level *level = &fields->levels[m][n];
+            memory = spsi_pyramid_lay(level, spsi_pyramid_reaches(frame, m), memory);
+            spsi_level_number(n ? level - 1 : &fields->list[m], level);
+        }
+    if (spsi_levels_store(context, frame, 1, levels)) return context->result;
     fields->leveled = levels;
     return SPS_OK;
 }
 
 /* --- third differences --- */
 
+#define SPSI_PYRAMID_FLOATS (13 * 13 * 16 + SPSI_LANES) /* most of a brick, its apron and a vector */
+
 static void spsi_thirds_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
     const spsi_pyramid_level *field = job->field;
     const size_t width = 2 * (size_t)field->size[0], layer = 2 * (size_t)field->size[1] * width;
-    float bends[8];
+    const int taps = job->taps;
+    float bends[8], values[SPSI_PYRAMID_FLOATS];
     int at[3];
-    spsi_pyramid_at(field, field->places[held], at);
-    spsi_pyramid_thirds(job->taps, field->values + (size_t)held * spsi_pyramid_floats(job->taps), bends);
+    memset(values, 0, sizeof values);
+    for (int z = 0; z < spsi_pyramid_edge(taps); ++z)
+        memcpy(values + z * spsi_plane_floats(taps), spsi_pyramid_plane(field, held, z),
+               (size_t)spsi_plane_floats(taps) * sizeof(float));
+    spsi_pyramid_at(field, field->stored[held].place, at);
+    spsi_pyramid_thirds(taps, values, bends);
     for (int k = 0; k < 3; ++k) at[k] -= field->low[k];
     for (int n = 0; n < 8; ++n)
         field->bends[(size_t)(2 * at[2] + n / 4) * layer + (size_t)(2 * at[1] + n / 2 % 2) * width +

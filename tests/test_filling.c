@@ -332,7 +332,7 @@ static void test_pictures_alike(void) {
 
 /* A voxel of a field or a level, counted from the volume's first one; 0 where none is held. */
 static double voxel_of(const spsi_pyramid *fields, const spsi_pyramid_level *field, const int at[3]) {
-    const int border = fields->taps / 2 - 1, edge = spsi_pyramid_edge(fields->taps);
+    const int border = fields->taps / 2 - 1;
     int brick[3], in[3], number;
     for (int k = 0; k < 3; ++k) {
         brick[k] = (at[k] + 8 * SPSI_BRICK) / SPSI_BRICK - 8;
@@ -341,8 +341,7 @@ static double voxel_of(const spsi_pyramid *fields, const spsi_pyramid_level *fie
     }
     number = field->grid[spsi_pyramid_cell(field, brick)];
     if (number < 0) return 0;
-    return (double)field->values[(size_t)number * spsi_pyramid_floats(fields->taps) +
-                                 (size_t)((in[2] * edge + in[1]) * spsi_pyramid_pitch(fields->taps) + in[0])];
+    return (double)spsi_pyramid_plane(field, number, in[2])[in[1] * spsi_pyramid_pitch(fields->taps) + in[0]];
 }
 
 /* Samples of a level against the sum of its kernels; see test_samples, here times the largest voxel. Its last voxels
@@ -688,7 +687,7 @@ static int cells_wrong(const spsi_pyramid *fields, int classified, int number) {
     int wrong = 0;
     for (int held = 0; held < field->count; ++held) {
         int at[3];
-        spsi_pyramid_at(field, field->places[held], at);
+        spsi_pyramid_at(field, field->stored[held].place, at);
         for (int n = 0; n < 64; ++n) {
             const int cell[3] = {n % 4, n / 4 % 4, n / 16};
             int low[3], high[3];
@@ -696,7 +695,7 @@ static int cells_wrong(const spsi_pyramid *fields, int classified, int number) {
                 low[k] = SPSI_BRICK * at[k] + 2 * cell[k] - (taps / 2 - 1) - farther;
                 high[k] = SPSI_BRICK * at[k] + 2 * cell[k] + 1 + taps / 2 + farther;
             }
-            wrong += (int)(field->cells[number][field->places[held]][n / 32] >> n % 32 & 1) !=
+            wrong += (int)(field->cells[number][field->stored[held].place][n / 32] >> n % 32 & 1) !=
                      shows_within(classified, low, high);
         }
     }
@@ -755,7 +754,7 @@ static void test_steps(void) {
 static void mark_all_cells(const spsi_pyramid_level *field) {
     for (int n = 0; n < SPSI_PYRAMID_REACHES; ++n)
         for (int held = 0; held < field->count; ++held)
-            memset(field->cells[n][field->places[held]], 0xff, sizeof field->cells[n][0]);
+            memset(field->cells[n][field->stored[held].place], 0xff, sizeof field->cells[n][0]);
 }
 
 /* Where samples of a classified volume are left out, nothing depends on them: pictures are the same with all of them.
@@ -941,7 +940,7 @@ static double depths_apart(const float *a, const float *b) { return depths_apart
 static void test_bends(void) {
     static const int powers[10][3] = {{3, 0, 0}, {0, 3, 0}, {0, 0, 3}, {2, 1, 0}, {2, 0, 1},
                                       {1, 2, 0}, {0, 2, 1}, {1, 0, 2}, {0, 1, 2}, {1, 1, 1}};
-    static float values[13 * 13 * 16];
+    static float values[SPSI_PYRAMID_FLOATS];
     for (int taps = 4; taps <= 6; taps += 2)
         for (int n = 0; n < 10; ++n) {
             const int *power = powers[n], edge = spsi_pyramid_edge(taps), pitch = spsi_pyramid_pitch(taps);
@@ -954,6 +953,15 @@ static void test_bends(void) {
             spsi_pyramid_thirds(taps, values, bends);
             for (int i = 0; i < 8; ++i) CHECK_NEAR((double)bends[i], exact, 1e-5);
         }
+}
+
+/* A brick's planes, one behind the other. */
+static const float *brick_of(const spsi_pyramid *fields, const spsi_pyramid_level *field, int held) {
+    static float values[SPSI_PYRAMID_FLOATS];
+    const size_t floats = (size_t)spsi_plane_floats(fields->taps);
+    for (int z = 0; z < spsi_pyramid_edge(fields->taps); ++z)
+        memcpy(values + (size_t)z * floats, spsi_pyramid_plane(field, held, z), floats * sizeof(float));
+    return values;
 }
 
 /* Boxes of places bend as much as the most that eighths of bricks do in which a row begins that a sample in them reads,
@@ -983,10 +991,10 @@ static void test_boxes_bend(void) {
             low[k] = (int)floor((at - 1) / 4), high[k] = (int)floor((at + wide + 2) / 4); /* rows of 4 taps */
         }
         for (int n = 0; n < field->count; ++n) {
-            spsi_pyramid_thirds(fields->taps, field->values + (size_t)n * spsi_pyramid_floats(fields->taps), alone);
+            spsi_pyramid_thirds(fields->taps, brick_of(fields, field, n), alone);
             for (int m = 0; m < 8; ++m) {
                 int at[3], in = 1, beside = 1;
-                spsi_pyramid_at(field, field->places[n], at);
+                spsi_pyramid_at(field, field->stored[n].place, at);
                 for (int k = 0; k < 3; ++k) {
                     const int eighth = 2 * (at[k] - field->low[k]) + (m >> k & 1);
                     in &= eighth >= low[k] && eighth <= high[k];
@@ -1560,8 +1568,8 @@ static void test_scattered_surface(void) {
 }
 
 /* Bytes that are planned follow from what is read, not from the box. Two blocks of up to 32^3 voxels are 128 bricks:
-   each lies within reach of 27 on every level, of 5809 bytes, and grids have at most 9 * (65536 + 64 * 128) cells of 12
-   bytes. */
+   each lies within reach of 27 on every level, of 8 planes and 192 bytes, and grids have at most 9 * (65536 + 64 * 128)
+   cells of 12 bytes. */
 static void test_thin_bytes(void) {
     int size = 2000;
     size_t bytes[2];
@@ -1573,7 +1581,7 @@ static void test_thin_bytes(void) {
         if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan))) return;
         bytes[i] = plan.pass[SPS_PASS_GATHER].bytes;
     }
-    CHECK(bytes[1] - bytes[0] <= sizeof(spsi_pyramid) + 9 * (27 * 128 * 5873 + 9 * (65536 + 64 * 128) * 36));
+    CHECK(bytes[1] - bytes[0] <= sizeof(spsi_pyramid) + 2 * 484 + 9 * (27 * 128 * 4064 + 9 * (65536 + 64 * 128) * 12));
 }
 
 /* --- what is held, counted, planned --- */

@@ -2669,7 +2669,6 @@ static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) 
 
 typedef struct spsi_table {
     float entry[SPSI_TABLE_SIZE + 1][4]; /* red, green, blue, extinction */
-    int shown[SPSI_TABLE_SIZE + 2];      /* number of earlier entries with extinction */
     float last_clear;                    /* last before the first with extinction */
 } spsi_table;
 
@@ -2862,25 +2861,20 @@ SPSI_COLD sps_result spsi_transfer_tabulate(sps_context *context, const sps_tran
     material->table_scale = SPSI_TABLE_SIZE / last;
     if (!transfer->points && spsi_transfer_from_callback(context, transfer, volume, last, material->table))
         return context->result;
-    material->table->shown[0] = 0;
     material->table->last_clear = 0;
     for (int i = 0; i <= SPSI_TABLE_SIZE; ++i) {
         float *entry = material->table->entry[i];
         if (transfer->points) spsi_transfer_at_points(transfer, last * (float)i / SPSI_TABLE_SIZE, entry);
-        material->table->shown[i + 1] = material->table->shown[i] + (entry[3] > 0);
-        if (material->table->shown[i + 1] == 0) material->table->last_clear = (float)i;
         material->extinguishes |= entry[3] > 0;
+        if (!material->extinguishes) material->table->last_clear = (float)i;
         material->scatters |= entry[3] > 0 && !spsi_black(entry);
     }
     return SPS_OK;
 }
 
-/* True if any value in low..high has extinction. */
-static int spsi_transfer_shows(const spsi_material *material, float low, float high) {
-    const float first = low * material->table_scale, last = high * material->table_scale;
-    const int a = first < SPSI_TABLE_SIZE ? (int)first : SPSI_TABLE_SIZE;
-    const int b = last < SPSI_TABLE_SIZE - 1 ? (int)last + 1 : SPSI_TABLE_SIZE;
-    return material->table->shown[b + 1] > material->table->shown[a];
+/* True if any value up to `high` may have extinction. */
+static int spsi_transfer_shows(const spsi_material *material, float high) {
+    return material->extinguishes && high * material->table_scale >= material->table->last_clear;
 }
 
 /* ======================================================================================== >>transmittance
@@ -5211,7 +5205,7 @@ static void spsi_block_range(spsi_block *block) {
     if (spsi_block_called(block, "range_fn", volume->range_fn(volume->user, block->low, block->size, range))) return;
     if (!(range[0] <= range[1]) || !(range[1] <= SPSI_VALUE_MAX)) return; /* reading will report it */
     if (block->material->table)
-        block->empty = !spsi_transfer_shows(block->material, 0, range[1]);
+        block->empty = !spsi_transfer_shows(block->material, range[1]);
     else
         block->empty = range[1] < SPSI_VALUE_MIN;
 }
@@ -5596,7 +5590,7 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
         hash = spsi_fingerprint(hash, &medium->given.revision, sizeof medium->given.revision);
         if (medium->given.eval_fn) hash = spsi_fingerprint(hash, lattice->step, sizeof lattice->step);
         if (medium->given.eval_fn) hash = spsi_fingerprint(hash, lattice->corner, sizeof lattice->corner);
-        if (table) hash = spsi_fingerprint(hash, table->shown, sizeof table->shown);
+        if (table) hash = spsi_fingerprint(hash, &table->last_clear, sizeof table->last_clear);
         if (table) hash = spsi_fingerprint(hash, &material->table_scale, sizeof material->table_scale);
     }
     return hash | 1;
@@ -5857,24 +5851,22 @@ static int spsi_light_meets_gas(const spsi_frame *frame) {
    optical depth is at most sqrt 3 times the integral of plane maxima along that axis. */
 typedef struct spsi_bound_grid {
     spsi_bounds bounds;
-    int side;         /* cells per axis */
     double edge[3];   /* cell edges */
     float *all, *own; /* all media; one volume */
 } spsi_bound_grid;
 
-#define SPSI_BOUND_SIDE   32
-#define SPSI_BOUND_COARSE 4   /* fine cells per coarse edge */
-#define SPSI_BOUND_FEW    256 /* so few particles may touch any number of cells */
-#define SPSI_BOUND_MOST   512 /* cells per particle otherwise; larger ones use coarse cells */
-#define SPSI_BOUND_CELLS  (SPSI_BOUND_SIDE * SPSI_BOUND_SIDE * SPSI_BOUND_SIDE)
-#define SPSI_BOUND_BYTES  (2 * SPSI_BOUND_CELLS * sizeof(float))
+#define SPSI_BOUND_SIDE  32  /* cells per axis */
+#define SPSI_BOUND_FEW   256 /* so few particles may touch any number of cells */
+#define SPSI_BOUND_MOST  512 /* cells per particle otherwise; larger ones count as everywhere */
+#define SPSI_BOUND_CELLS (SPSI_BOUND_SIDE * SPSI_BOUND_SIDE * SPSI_BOUND_SIDE)
+#define SPSI_BOUND_BYTES (2 * SPSI_BOUND_CELLS * sizeof(float))
 
 SPSI_COLD void spsi_bound_range(const spsi_bound_grid *grid, const spsi_bounds *box, int low[3], int high[3]) {
     for (int k = 0; k < 3; ++k) {
         const double a = (box->low[k] - grid->bounds.low[k]) / grid->edge[k];
         const double b = (box->high[k] - grid->bounds.low[k]) / grid->edge[k];
-        low[k] = (int)spsi_dmax(0, spsi_dmin(floor(a - 1e-6), grid->side - 1));
-        high[k] = (int)spsi_dmax(0, spsi_dmin(floor(b + 1e-6), grid->side - 1));
+        low[k] = (int)spsi_dmax(0, spsi_dmin(floor(a - 1e-6), SPSI_BOUND_SIDE - 1));
+        high[k] = (int)spsi_dmax(0, spsi_dmin(floor(b + 1e-6), SPSI_BOUND_SIDE - 1));
     }
 }
 
@@ -5884,7 +5876,7 @@ SPSI_COLD void spsi_bound_raise(const spsi_bound_grid *grid, const spsi_bounds *
     for (int z = low[2]; z <= high[2]; ++z)
         for (int y = low[1]; y <= high[1]; ++y)
             for (int x = low[0]; x <= high[0]; ++x) {
-                float *cell = &grid->own[(z * grid->side + y) * grid->side + x];
+                float *cell = &grid->own[(z * SPSI_BOUND_SIDE + y) * SPSI_BOUND_SIDE + x];
                 *cell = spsi_fmax(*cell, extinction);
             }
 }
@@ -5922,7 +5914,7 @@ SPSI_COLD int spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_par
                 }
                 density = (square < 1 && set->soft ? 1 - square : 1) * depth / (shape * radius);
                 if (square > 1 + 1e-6) continue;
-                grid->all[(at[2] * grid->side + at[1]) * grid->side + at[0]] +=
+                grid->all[(at[2] * SPSI_BOUND_SIDE + at[1]) * SPSI_BOUND_SIDE + at[0]] +=
                     (float)spsi_dmin(spsi_dmin(density, most), (double)FLT_MAX / 4);
             }
     return 1;
@@ -5934,11 +5926,11 @@ SPSI_COLD double spsi_bound_depth(const spsi_bound_grid *grid) {
     for (int axis = 0; axis < 3; ++axis) {
         float planes[SPSI_BOUND_SIDE] = {0};
         double sum = 0;
-        for (int i = 0; i < grid->side * grid->side * grid->side; ++i) {
-            const int at[3] = {i % grid->side, i / grid->side % grid->side, i / (grid->side * grid->side)};
-            planes[at[axis]] = spsi_fmax(planes[at[axis]], grid->all[i]);
+        for (int i = 0, apart = 1 << 5 * axis; i < SPSI_BOUND_CELLS; ++i) {
+            float *plane = &planes[i / apart % SPSI_BOUND_SIDE];
+            *plane = spsi_fmax(*plane, grid->all[i]);
         }
-        for (int i = 0; i < grid->side; ++i) sum += grid->edge[axis] * (double)planes[i];
+        for (int i = 0; i < SPSI_BOUND_SIDE; ++i) sum += grid->edge[axis] * (double)planes[i];
         most = spsi_dmax(most, sqrt(3.0) * sum);
     }
     return most;
@@ -5960,21 +5952,16 @@ SPSI_COLD void spsi_bound_add_volumes(const sps_context *context, const spsi_fra
     }
 }
 
-/* Returns the bound over fine and coarse cells. */
+/* Returns the depth of particles that are too large for the grid. */
 SPSI_COLD double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bound_grid *grid) {
     const int most = frame->content->particle_count <= SPSI_BOUND_FEW ? SPSI_BOUND_CELLS : SPSI_BOUND_MOST;
-    spsi_bound_grid coarse = *grid;
-    coarse.side = SPSI_BOUND_SIDE / SPSI_BOUND_COARSE;
-    coarse.all = grid->own;
-    for (int k = 0; k < 3; ++k) coarse.edge[k] *= SPSI_BOUND_COARSE;
-    memset(coarse.all, 0, SPSI_BOUND_CELLS * sizeof *coarse.all);
+    double large = 0;
     for (int i = 0; i < frame->content->particle_count; ++i) {
         const sps_particle *particle = &frame->content->particles[i];
         const spsi_particle_set *set = spsi_set_of(frame, i);
-        if (!spsi_bound_add_particle(grid, particle, set, most))
-            spsi_bound_add_particle(&coarse, particle, set, SPSI_BOUND_CELLS);
+        if (!spsi_bound_add_particle(grid, particle, set, most)) large += spsi_particle_depth(particle, set);
     }
-    return spsi_bound_depth(grid) + spsi_bound_depth(&coarse);
+    return large;
 }
 
 /* Upper bound of optical depth on any segment; -1 on failure. */
@@ -5982,12 +5969,13 @@ SPSI_COLD double spsi_densest_path(sps_context *context, const spsi_frame *frame
     float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_BOUND_GRID, 1, SPSI_BOUND_BYTES);
     if (!memory) return -1;
     memset(memory, 0, SPSI_BOUND_BYTES);
-    spsi_bound_grid grid = {frame->content->bounds, SPSI_BOUND_SIDE, {0, 0, 0}, memory, memory + SPSI_BOUND_CELLS};
+    spsi_bound_grid grid = {frame->content->bounds, {0, 0, 0}, memory, memory + SPSI_BOUND_CELLS};
     if (spsi_bounds_empty(&grid.bounds)) return 0;
     for (int k = 0; k < 3; ++k)
         grid.edge[k] = spsi_dmax((grid.bounds.high[k] - grid.bounds.low[k]) / SPSI_BOUND_SIDE, DBL_MIN);
     spsi_bound_add_volumes(context, frame, &grid);
-    return spsi_bound_add_particles(frame, &grid);
+    const double large = spsi_bound_add_particles(frame, &grid);
+    return spsi_bound_depth(&grid) + large;
 }
 
 /* Maximum albedo; 1 with ambient light, which media shadow. */

@@ -583,7 +583,7 @@ static void test_hidden(void) {
             float lanes[SPSI_LANES];
             for (int k = 0; k < SPSI_LANES; ++k) lanes[k] = value;
             if (!CHECK(spsi_hidden_bits(&material, spsi_load(lanes)) ==
-                       (spsi_transfer_shows(&material, 0, value) ? 0 : (1 << SPSI_LANES) - 1)))
+                       (spsi_transfer_shows(&material, value) ? 0 : (1 << SPSI_LANES) - 1)))
                 printf("    %d: value %g\n", n, (double)value);
         }
     }

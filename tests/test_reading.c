@@ -563,7 +563,8 @@ static void test_bits(void) {
     }
 }
 
-/* A vector's lanes hide what spsi_transfer_shows does not show, at the table's entries and between them. */
+/* A vector's lanes hide what spsi_transfer_shows does not show, at the table's entries and between them: values up to
+   which no entry has extinction, nor the next one. */
 static void test_hidden(void) {
     static spsi_table table;
     check_random random = {2};
@@ -578,12 +579,15 @@ static void test_hidden(void) {
         points[1].value = points[0].value + (float)check_next(&random);
         transfer.value_max = n % 3 ? 1 : 0;
         if (!CHECK(spsi_transfer_tabulate(NULL, &transfer, 0, &material) == SPS_OK) || !material.extinguishes) continue;
+        int first = 0;
+        while (!(table.entry[first][3] > 0)) ++first;
         for (int i = 0; i < 4 * SPSI_TABLE_SIZE; ++i) {
             const float value = (float)i * 0.3f / (float)SPSI_TABLE_SIZE;
             float lanes[SPSI_LANES];
+            const int shows = (int)fminf(value * material.table_scale, SPSI_TABLE_SIZE - 1) + 1 >= first;
             for (int k = 0; k < SPSI_LANES; ++k) lanes[k] = value;
-            if (!CHECK(spsi_hidden_bits(&material, spsi_load(lanes)) ==
-                       (spsi_transfer_shows(&material, value) ? 0 : (1 << SPSI_LANES) - 1)))
+            if (!CHECK(spsi_transfer_shows(&material, value) == shows &&
+                       spsi_hidden_bits(&material, spsi_load(lanes)) == (shows ? 0 : (1 << SPSI_LANES) - 1)))
                 printf("    %d: value %g\n", n, (double)value);
         }
     }

@@ -26481,11 +26481,11 @@ SPSI_COLD spsi_enclosure spsi_enclosure_transmittance(spsi_enclosure depth) {
 
 /* --- the field --- */
 
-/* Gaussian taps, the first `d` standard deviations before a place. `slopes`: derivatives, or NULL. Ratios of
+/* Gaussian weights, the first `d` standard deviations before a place. `slopes`: derivatives, or NULL. Ratios of
    neighbouring weights change by a constant factor. */
-static void spsi_gauss_taps(double d, double scale, int count, double *weights, double *slopes) {
+static void spsi_gauss_taps(double d, int count, double *weights, double *slopes) {
     const double step = 1 / SPSI_SIGMA, bend = exp(-step * step);
-    double weight = scale / (sqrt(2 * SPSI_PI) * SPSI_SIGMA) * exp(-0.5 * d * d), change = exp(step * (d - 0.5 * step));
+    double weight = exp(-0.5 * d * d) / (sqrt(2 * SPSI_PI) * SPSI_SIGMA), change = exp(step * (d - 0.5 * step));
     for (int i = 0; i < count; ++i) {
         weights[i] = weight;
         if (slopes) slopes[i] = -weight * (d - i * step) * step;
@@ -26494,56 +26494,62 @@ static void spsi_gauss_taps(double d, double scale, int count, double *weights, 
     }
 }
 
-/* Returns the first tap. */
-static int spsi_field_taps(double at, int size, int *count, double *weights, double *slopes) {
-    const int first = spsi_imax(0, (int)ceil(spsi_dmax(at - 0.5 - SPSI_REFERENCE_REACH, -1)));
-    const int last = spsi_imin(size - 1, (int)floor(spsi_dmin(at - 0.5 + SPSI_REFERENCE_REACH, size)));
-    const double reached = erf(SPSI_REFERENCE_REACH / SPSI_SIGMA / sqrt(2.0));
-    *count = spsi_imax(0, last - first + 1);
-    spsi_gauss_taps((at - 0.5 - first) / SPSI_SIGMA, 1 / reached, *count, weights, slopes);
-    return first;
+/* Voxels within reach of a point. */
+typedef struct spsi_vicinity {
+    int first[3], count[3];
+    double weights[3][SPSI_REFERENCE_TAPS], slopes[3][SPSI_REFERENCE_TAPS];
+} spsi_vicinity;
+
+/* Returns 0 if the voxels within `reach` are 0. */
+static int spsi_vicinity_place(const spsi_dense *grid, const double point[3], double reach, int has_slopes,
+                               spsi_vicinity *vicinity) {
+    double offset[3], at[3];
+    int brick = 0;
+    spsi_along(point, grid->corner, -1, offset);
+    for (int i = 2; i >= 0; --i) {
+        at[i] = spsi_dot(grid->inverse[i], offset);
+        if (at[i] < -reach || at[i] > grid->size[i] + reach) return 0;
+        brick = brick * grid->bricks[i] + (int)spsi_dmin(spsi_dmax(at[i], 0), grid->size[i] - 1) / SPSI_BRICK;
+    }
+    if (!(grid->most[brick] > 0)) return 0;
+    for (int i = 0; i < 3; ++i) {
+        const int first = (int)spsi_dmax(ceil(at[i] - 0.5 - reach), 0);
+        vicinity->first[i] = first;
+        vicinity->count[i] = spsi_imax(0, (int)spsi_dmin(floor(at[i] - 0.5 + reach), grid->size[i] - 1) - first + 1);
+        spsi_gauss_taps((at[i] - 0.5 - first) / SPSI_SIGMA, vicinity->count[i], vicinity->weights[i],
+                        has_slopes ? vicinity->slopes[i] : NULL);
+    }
+    return 1;
 }
 
-/* True if voxels within `reach` are 0. */
-static int spsi_dense_empty(const spsi_dense *grid, const double at[3], double reach) {
-    int index = 0;
-    for (int i = 2; i >= 0; --i) {
-        const int brick = (int)floor(spsi_dmin(spsi_dmax(at[i], 0), grid->size[i] - 1)) / SPSI_BRICK;
-        if (at[i] < -reach || at[i] > grid->size[i] + reach) return 1;
-        index = index * grid->bricks[i] + brick;
-    }
-    return !(grid->most[index] > 0);
+static const float *spsi_vicinity_row(const spsi_dense *grid, const spsi_vicinity *vicinity, int y, int z) {
+    const size_t row = (size_t)(vicinity->first[2] + z) * (size_t)grid->size[1] + (size_t)(vicinity->first[1] + y);
+    return grid->values + row * (size_t)grid->size[0] + (size_t)vicinity->first[0];
 }
 
 /* f at a world point; `gradient`: in the world, or NULL. Rows are summed before weighting along x: independent sums are
    faster. */
 static double spsi_field(const spsi_dense *grid, const double point[3], double gradient[3]) {
-    double offset[3], at[3], w[3][SPSI_REFERENCE_TAPS], s[3][SPSI_REFERENCE_TAPS], sum = 0, g[3] = {0, 0, 0};
     double row[SPSI_REFERENCE_TAPS] = {0}, by_y[SPSI_REFERENCE_TAPS] = {0}, by_z[SPSI_REFERENCE_TAPS] = {0};
-    int first[3], count[3];
-    spsi_along(point, grid->corner, -1, offset);
-    for (int i = 0; i < 3; ++i) at[i] = spsi_dot(grid->inverse[i], offset);
+    double sum = 0, g[3] = {0, 0, 0};
+    spsi_vicinity v;
     if (gradient) memset(gradient, 0, 3 * sizeof(double));
-    if (spsi_dense_empty(grid, at, SPSI_REFERENCE_REACH)) return 0;
-    for (int i = 0; i < 3; ++i) first[i] = spsi_field_taps(at[i], grid->size[i], &count[i], w[i], s[i]);
-    for (int z = 0; z < count[2]; ++z)
-        for (int y = 0; y < count[1]; ++y) {
-            const float *values =
-                grid->values +
-                ((size_t)(first[2] + z) * (size_t)grid->size[1] + (size_t)(first[1] + y)) * (size_t)grid->size[0] +
-                (size_t)first[0];
-            const double weight = w[2][z] * w[1][y];
-            for (int x = 0; x < count[0]; ++x) row[x] += weight * (double)values[x];
-            for (int x = 0; x < count[0] && gradient; ++x) {
-                by_y[x] += w[2][z] * s[1][y] * (double)values[x];
-                by_z[x] += s[2][z] * w[1][y] * (double)values[x];
+    if (!spsi_vicinity_place(grid, point, SPSI_REFERENCE_REACH, gradient != NULL, &v)) return 0;
+    for (int z = 0; z < v.count[2]; ++z)
+        for (int y = 0; y < v.count[1]; ++y) {
+            const float *values = spsi_vicinity_row(grid, &v, y, z);
+            const double weight = v.weights[2][z] * v.weights[1][y];
+            for (int x = 0; x < v.count[0]; ++x) row[x] += weight * (double)values[x];
+            for (int x = 0; x < v.count[0] && gradient; ++x) {
+                by_y[x] += v.weights[2][z] * v.slopes[1][y] * (double)values[x];
+                by_z[x] += v.slopes[2][z] * v.weights[1][y] * (double)values[x];
             }
         }
-    for (int x = 0; x < count[0]; ++x) {
-        sum += w[0][x] * row[x];
-        g[0] += s[0][x] * row[x];
-        g[1] += w[0][x] * by_y[x];
-        g[2] += w[0][x] * by_z[x];
+    for (int x = 0; x < v.count[0]; ++x) sum += v.weights[0][x] * row[x];
+    for (int x = 0; x < v.count[0] && gradient; ++x) {
+        g[0] += v.slopes[0][x] * row[x];
+        g[1] += v.weights[0][x] * by_y[x];
+        g[2] += v.weights[0][x] * by_z[x];
     }
     for (int i = 0; i < 3 && gradient; ++i)
         for (int k = 0; k < 3; ++k) gradient[k] += g[i] * grid->inverse[i][k];
@@ -26645,26 +26651,13 @@ static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walk
 static int spsi_march_visibility(const spsi_faces *faces, const spsi_light *light, const double point[3], int own,
                                  double passes[3]) {
     spsi_packet packet;
-    spsi_walk walk;
-    spsi_ray ray;
-    int number;
-    passes[0] = passes[1] = passes[2] = 1;
-    if (faces->tree.count == 0) return 1;
-    memcpy(ray.origin, point, sizeof ray.origin);
-    spsi_toward_light(light, point, ray.direction);
+    double toward[3];
+    spsi_toward_light(light, point, toward);
     spsi_packet_begin(faces, !light->is_point, own >= 0, &packet);
-    spsi_packet_add(&faces->tree, 0, own, ray.origin, ray.direction, &packet);
-    ray.low = 0;
-    ray.high = packet.reach;
-    spsi_walk_begin(&faces->tree, &walk);
-    while ((number = spsi_walk_on(&walk, &ray)) >= 0) {
-        const spsi_face *face = &faces->list[number];
-        if (number == own || !(spsi_face_stops(face, &packet, 0) & 1)) continue;
-        if (!spsi_black(face->transmittance) && !spsi_face_passes(face, ray.origin, ray.direction)) continue;
-        for (int c = 0; c < 3; ++c) passes[c] *= (double)face->transmittance[c];
-        if (!(passes[0] > 0 || passes[1] > 0 || passes[2] > 0)) return 0;
-    }
-    return 1;
+    spsi_packet_add(&faces->tree, 0, own, point, toward, &packet);
+    spsi_packet_trace(faces, &packet);
+    spsi_packet_through(&packet, 0, passes);
+    return packet.open && (passes[0] > 0 || passes[1] > 0 || passes[2] > 0);
 }
 
 /* --- transport --- */
@@ -26699,14 +26692,15 @@ static int spsi_light_ray(const spsi_light *light, const double point[3], spsi_r
     return spsi_normalise(ray->direction);
 }
 
-/* If classified and f > 0, `appearance` gets color and extinction. */
-static double spsi_extinction_at(const spsi_material *material, double f, float appearance[4]) {
+/* Extinction where a volume's field is f. `color`: set where it is classified, or NULL. */
+static double spsi_extinction_at(const spsi_material *material, double f, float color[3]) {
     spsi_v out[4];
     if (!material->table) return f * (double)material->extinction;
+    for (int c = 0; c < 3 && color; ++c) color[c] = 0;
     if (!(f > 0)) return 0;
     spsi_classify(material, spsi_set((float)f), out);
-    for (int c = 0; c < 4; ++c) appearance[c] = spsi_one(out[c]);
-    return (double)appearance[3];
+    for (int c = 0; c < 3 && color; ++c) color[c] = spsi_one(out[c]);
+    return (double)spsi_one(out[3]);
 }
 
 static spsi_enclosure spsi_march_light(const spsi_marcher *marcher, const spsi_light *light, const double point[3]) {
@@ -26721,24 +26715,32 @@ static spsi_enclosure spsi_march_light(const spsi_marcher *marcher, const spsi_l
         spsi_along(point, ray.direction, range[0] + (i + 0.5) * h, at);
         for (int m = 0; m < marcher->frame->medium_count; ++m) {
             const spsi_material *material = spsi_material_of(marcher->frame, m);
-            float appearance[4];
             if (material->extinguishes)
-                depth += h * spsi_extinction_at(material, spsi_field(&marcher->grids[m], at, NULL), appearance);
+                depth += h * spsi_extinction_at(material, spsi_field(&marcher->grids[m], at, NULL), NULL);
         }
     }
     return spsi_enclosure_of(depth, depth);
 }
 
-static void spsi_march_sample(const spsi_material *material, const float appearance[4], const double gradient[3],
-                              spsi_sample *sample) {
-    double n[3] = {-gradient[0], -gradient[1], -gradient[2]};
-    const double size = spsi_length(n);
+/* Samples a part at a point. `value` and `extinction` are volumes' only. */
+static void spsi_march_sample(const spsi_marcher *marcher, int part, const double point[3], spsi_sample *sample,
+                              double *value, double *extinction) {
+    const spsi_material *material = spsi_material_of(marcher->frame, part);
+    const int surface = material->table && material->shading == SPS_SHADING_SURFACE;
+    float color[3] = {material->albedo[0], material->albedo[1], material->albedo[2]};
+    double n[3] = {0, 0, 0};
     memset(sample, 0, sizeof *sample);
-    for (int c = 0; c < 3; ++c) sample->color[c] = spsi_set(material->table ? appearance[c] : material->albedo[c]);
-    if (!material->table || material->shading != SPS_SHADING_SURFACE) return;
+    if (part < marcher->frame->medium_count) {
+        *value = spsi_field(&marcher->grids[part], point, surface ? n : NULL);
+        *extinction = spsi_extinction_at(material, *value, color);
+    }
+    for (int c = 0; c < 3; ++c) sample->color[c] = spsi_set(color[c]);
+    if (!surface) return;
+    const double size = spsi_length(n) * (double)(material->voxel_length * material->gradient_scale);
+    for (int i = 0; i < 3; ++i) n[i] = -n[i];
     spsi_normalise(n);
     spsi_set3(n, sample->normal);
-    sample->surface = spsi_set((float)spsi_dmin(1, size * (double)(material->voxel_length * material->gradient_scale)));
+    sample->surface = spsi_set((float)spsi_dmin(1, size));
     sample->has_normal = 1;
 }
 
@@ -26756,38 +26758,22 @@ typedef struct spsi_point {
     spsi_sample *samples;
 } spsi_point;
 
-SPSI_COLD void spsi_point_take(spsi_point *point, int part, double value, double extinction) {
-    point->value[part] = value;
-    point->extinction[part] = extinction;
-    point->value_sum += value;
-    point->extinction_sum += extinction;
-}
-
 static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_point *point) {
     const spsi_frame *frame = marcher->frame;
     double depths[SPSI_SETS_MAX], depth[3];
-    float appearance[4] = {0, 0, 0, 0};
     spsi_along(ray->origin, ray->direction, 0.5 * (ray->low + ray->high), point->position);
     memcpy(point->direction, ray->direction, sizeof point->direction);
     point->extinction_sum = point->value_sum = 0;
     point->half = 0.5 * (ray->high - ray->low);
     spsi_to_rays(&frame->content->eye, ray->direction, depth);
     point->pixel = spsi_pixel_size_at(&frame->content->eye, 0.5 * (ray->low + ray->high) * depth[2]);
-    for (int m = 0; m < frame->medium_count; ++m) {
-        const spsi_material *material = spsi_material_of(frame, m);
-        const int surface = material->table && material->shading == SPS_SHADING_SURFACE;
-        double gradient[3] = {0, 0, 0}, value;
-        memset(appearance, 0, sizeof appearance);
-        value = spsi_field(&marcher->grids[m], point->position, surface ? gradient : NULL);
-        spsi_point_take(point, m, value, spsi_extinction_at(material, value, appearance));
-        spsi_march_sample(material, appearance, gradient, &point->samples[m]);
-    }
     spsi_particles_depth(marcher, ray, depths);
-    for (int i = 0; i < frame->particles.set_count; ++i) {
-        const int part = frame->medium_count + i;
-        const double extinction = depths[i] / (ray->high - ray->low), none[3] = {0, 0, 0};
-        spsi_point_take(point, part, extinction, extinction);
-        spsi_march_sample(spsi_material_of(frame, part), appearance, none, &point->samples[part]);
+    for (int m = 0; m < marcher->part_count; ++m) {
+        spsi_march_sample(marcher, m, point->position, &point->samples[m], &point->value[m], &point->extinction[m]);
+        if (m >= frame->medium_count)
+            point->value[m] = point->extinction[m] = depths[m - frame->medium_count] / (ray->high - ray->low);
+        point->value_sum += point->value[m];
+        point->extinction_sum += point->extinction[m];
     }
 }
 
@@ -27290,6 +27276,7 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
 
 #define SPSI_BRACKET_ORDER    6
 #define SPSI_BRACKET_TAPS     8     /* per axis around a point */
+#define SPSI_BRACKET_REACH    (4 - 1e-9)
 #define SPSI_BRACKET_STEP     0.75  /* voxels, at most: then the taps are enough */
 #define SPSI_BRACKET_TAIL     2e-8  /* kernels beyond the taps, relative to the largest value */
 #define SPSI_BRACKET_HALVINGS 12    /* most, in dense medium */
@@ -27352,17 +27339,6 @@ static double spsi_gauss_error(double h, double sixth) { return h * (h * h) * (h
 
 /* --- the field --- */
 
-/* Voxels outside are 0. `spare`: storage at the volume's edge. */
-SPSI_COLD const float *spsi_vicinity_row(const spsi_dense *grid, int x, int y, int z, float *spare) {
-    const int inside = y >= 0 && z >= 0 && y < grid->size[1] && z < grid->size[2];
-    const size_t number = inside ? (size_t)z * (size_t)grid->size[1] + (size_t)y : 0;
-    const float *row = grid->values + number * (size_t)grid->size[0];
-    if (inside && x >= 0 && x + SPSI_BRACKET_TAPS <= grid->size[0]) return row + x;
-    for (int i = 0; i < SPSI_BRACKET_TAPS; ++i)
-        spare[i] = inside && x + i >= 0 && x + i < grid->size[0] ? row[x + i] : 0;
-    return spare;
-}
-
 typedef struct spsi_step_gas {
     double value[3];     /* field at the points */
     double half, middle; /* nearby voxels: middle +- half */
@@ -27372,35 +27348,26 @@ typedef struct spsi_step_gas {
 
 /* `gas`: range of voxels around the point, or NULL. Returns 0 if none is above 0. */
 SPSI_COLD int spsi_vicinity_at(const spsi_dense *grid, const double point[3], double *value, spsi_step_gas *gas) {
-    double offset[3], at[3], w[3][SPSI_BRACKET_TAPS], sum[SPSI_BRACKET_TAPS] = {0};
-    float low[SPSI_BRACKET_TAPS], high[SPSI_BRACKET_TAPS] = {0}, least, most = 0, spare[SPSI_BRACKET_TAPS];
-    int first[3];
+    double sum[SPSI_BRACKET_TAPS] = {0};
+    float low[SPSI_BRACKET_TAPS], high[SPSI_BRACKET_TAPS] = {0}, least, most = 0;
+    spsi_vicinity v;
     *value = 0;
     if (gas) gas->half = gas->middle = 0;
-    spsi_along(point, grid->corner, -1, offset);
-    for (int i = 0; i < 3; ++i) at[i] = spsi_dot(grid->inverse[i], offset);
-    if (spsi_dense_empty(grid, at, 0.5 * SPSI_BRACKET_TAPS)) return 0;
-    for (int i = 0; i < 3; ++i) {
-        first[i] = (int)floor(at[i] - 0.5) - (SPSI_BRACKET_TAPS / 2 - 1);
-        spsi_gauss_taps((at[i] - 0.5 - first[i]) / SPSI_SIGMA, 1, SPSI_BRACKET_TAPS, w[i], NULL);
-    }
-    for (int i = 0; i < SPSI_BRACKET_TAPS; ++i) low[i] = FLT_MAX;
-    for (int z = 0; z < SPSI_BRACKET_TAPS; ++z)
-        for (int y = 0; y < SPSI_BRACKET_TAPS; ++y) {
-            const float *row = spsi_vicinity_row(grid, first[0], first[1] + y, first[2] + z, spare);
-            const double weight = w[2][z] * w[1][y];
-            for (int x = 0; x < SPSI_BRACKET_TAPS; ++x) sum[x] += weight * (double)row[x];
-            for (int x = 0; x < SPSI_BRACKET_TAPS && gas; ++x) {
+    if (!spsi_vicinity_place(grid, point, SPSI_BRACKET_REACH, 0, &v)) return 0;
+    for (int i = 0; i < SPSI_BRACKET_TAPS; ++i) low[i] = i < v.count[0] ? FLT_MAX : 0;
+    for (int z = 0; z < v.count[2]; ++z)
+        for (int y = 0; y < v.count[1]; ++y) {
+            const float *row = spsi_vicinity_row(grid, &v, y, z);
+            const double weight = v.weights[2][z] * v.weights[1][y];
+            for (int x = 0; x < v.count[0]; ++x) sum[x] += weight * (double)row[x];
+            for (int x = 0; x < v.count[0] && gas; ++x) {
                 low[x] = row[x] < low[x] ? row[x] : low[x];
                 high[x] = row[x] > high[x] ? row[x] : high[x];
             }
         }
-    least = low[0];
-    for (int x = 0; x < SPSI_BRACKET_TAPS; ++x) {
-        *value += w[0][x] * sum[x];
-        least = low[x] < least ? low[x] : least;
-        most = high[x] > most ? high[x] : most;
-    }
+    least = v.count[1] < SPSI_BRACKET_TAPS || v.count[2] < SPSI_BRACKET_TAPS ? 0 : FLT_MAX; /* 0 beyond the edge */
+    for (int x = 0; x < v.count[0]; ++x) *value += v.weights[0][x] * sum[x];
+    for (int x = 0; x < SPSI_BRACKET_TAPS; ++x) least = spsi_fmin(low[x], least), most = spsi_fmax(high[x], most);
     if (!gas) return 1;
     gas->half = 0.5 * ((double)most - (double)least);
     gas->middle = 0.5 * ((double)most + (double)least);
@@ -28131,7 +28098,6 @@ static int spsi_tracker_begin(const spsi_marcher *marcher, int medium, const sps
 
 /* Returns the probability that the next collision is real, or -1 if there is none. */
 static double spsi_tracker_next(spsi_tracker *tracker, uint64_t *random) {
-    float appearance[4];
     double point[3];
     for (;;) {
         const double next = tracker->t + spsi_random_depth(random) / tracker->bound; /* infinity without medium */
@@ -28145,7 +28111,7 @@ static double spsi_tracker_next(spsi_tracker *tracker, uint64_t *random) {
     }
     spsi_along(tracker->ray->origin, tracker->ray->direction, tracker->t, point);
     return spsi_dmin(
-        spsi_extinction_at(tracker->material, spsi_field(tracker->grid, point, NULL), appearance) / tracker->bound, 1);
+        spsi_extinction_at(tracker->material, spsi_field(tracker->grid, point, NULL), NULL) / tracker->bound, 1);
 }
 
 /* Shortens the ray to a collision, and sets `part`. */
@@ -28374,28 +28340,20 @@ static void spsi_path_light_gas(const spsi_marcher *marcher, const spsi_point *p
 /* Medium draws by phase function, surfaces uniformly. */
 static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample *sample, spsi_path *path) {
     const spsi_material *material = spsi_material_of(marcher->frame, part);
-    const int surface = material->table && material->shading == SPS_SHADING_SURFACE;
-    float appearance[4] = {0, 0, 0, 0};
-    double gradient[3] = {0, 0, 0}, way[3], back[3], response[3], cosine;
+    double way[3], back[3], response[3], cosine, value, extinction;
     spsi_point point;
     memset(&point, 0, sizeof point);
     spsi_along(path->ray.origin, path->ray.direction, path->ray.high, point.position);
     memcpy(point.direction, path->ray.direction, sizeof point.direction);
     point.samples = sample;
-    if (part < marcher->frame->medium_count)
-        spsi_extinction_at(material, spsi_field(&marcher->grids[part], point.position, surface ? gradient : NULL),
-                           appearance);
-    spsi_march_sample(material, appearance, gradient, sample);
+    spsi_march_sample(marcher, part, point.position, sample, &value, &extinction);
     spsi_path_light_gas(marcher, &point, material, path);
-    cosine = surface ? 2 * spsi_random(&path->random) - 1 : spsi_random_phase(&path->random, material);
+    cosine = sample->has_normal ? 2 * spsi_random(&path->random) - 1 : spsi_random_phase(&path->random, material);
     spsi_random_about(&path->random, path->ray.direction, cosine, way);
     for (int i = 0; i < 3; ++i) back[i] = -way[i];
-    if (surface) {
-        spsi_march_response(material, sample, path->ray.direction, back, response);
-        for (int c = 0; c < 3; ++c) path->weight[c] *= 4 * SPSI_PI * response[c];
-    } else {
-        for (int c = 0; c < 3; ++c) path->weight[c] *= (double)(material->table ? appearance[c] : material->albedo[c]);
-    }
+    if (sample->has_normal) spsi_march_response(material, sample, path->ray.direction, back, response);
+    for (int c = 0; c < 3; ++c)
+        path->weight[c] *= sample->has_normal ? 4 * SPSI_PI * response[c] : (double)spsi_one(sample->color[c]);
     spsi_path_turn(path, way, -1, spsi_path_density(material, cosine));
     path->off_face = 0;
 }

@@ -1972,7 +1972,7 @@ static sps_result spsi_check_rgb(sps_context *context, sps_result result, sps_ob
                                  const char *field, const float color[3], float most) {
     const float *bad = spsi_bad_color(color, most);
     const char *rule = most > 1 ? "red, green and blue must be 0..1e18" : "red, green and blue must be 0..1";
-    return bad ? spsi_fail_field(context, result, object, index, field, (double)*bad, rule) : SPS_OK;
+    return bad ? spsi_fail_field(context, result, object, index, field, (double)*bad, rule) : context->result;
 }
 
 static void spsi_free(sps_context *context, void *block, size_t bytes) {
@@ -4170,17 +4170,17 @@ static sps_result spsi_wrong_that(const spsi_subject *at, const char *field, dou
     return spsi_fail_that(at->context, SPS_ERROR_ARGUMENT, at->object, at->index, field, value, rest);
 }
 
-/* Reports the first field out of bounds or NaN. */
+/* Reports the first field out of bounds or NaN. Further checks may follow: only the first failure is recorded. */
 static sps_result spsi_check_bounded(const spsi_subject *at, const spsi_bounded *list, size_t count) {
     for (size_t i = 0; i < count; ++i)
         if (!(list[i].value >= list[i].low && list[i].value <= list[i].high))
-            return spsi_wrong(at, list[i].field, list[i].value, list[i].rule);
-    return SPS_OK;
+            spsi_wrong(at, list[i].field, list[i].value, list[i].rule);
+    return at->context->result;
 }
 
 SPSI_COLD sps_result spsi_check_vector(const spsi_subject *at, const char *field, const double v[3]) {
     const double *bad = spsi_bad_coordinate(v, 3);
-    return bad ? spsi_wrong(at, field, *bad, "it must be within 1e15") : SPS_OK;
+    return bad ? spsi_wrong(at, field, *bad, "it must be within 1e15") : at->context->result;
 }
 
 static sps_result spsi_check_list(const spsi_subject *at, const char *list, const double *v, int count) {
@@ -4199,15 +4199,14 @@ static sps_result spsi_check_color(const spsi_subject *at, const char *field, co
 SPSI_COLD sps_result spsi_check_placement(const spsi_subject *at, const sps_placement *placement) {
     const double determinant = spsi_determinant(placement->axis[0], placement->axis[1], placement->axis[2]);
     double room = 1e-14;
-    if (spsi_check_list(at, "placement.origin", placement->origin, 3) ||
-        spsi_check_list(at, "placement.axis[0]", placement->axis[0], 3) ||
-        spsi_check_list(at, "placement.axis[1]", placement->axis[1], 3) ||
-        spsi_check_list(at, "placement.axis[2]", placement->axis[2], 3))
-        return at->context->result;
+    spsi_check_list(at, "placement.origin", placement->origin, 3);
+    spsi_check_list(at, "placement.axis[0]", placement->axis[0], 3);
+    spsi_check_list(at, "placement.axis[1]", placement->axis[1], 3);
+    spsi_check_list(at, "placement.axis[2]", placement->axis[2], 3);
     for (int i = 0; i < 3; ++i) room *= spsi_length(placement->axis[i]); /* round-off of a flat one */
     if (!(fabs(determinant) > room) || !(fabs(determinant) <= DBL_MAX))
-        return spsi_wrong(at, "placement's determinant", determinant, "its axes must not lie in a plane");
-    return SPS_OK;
+        spsi_wrong(at, "placement's determinant", determinant, "its axes must not lie in a plane");
+    return at->context->result;
 }
 
 SPSI_COLD int spsi_volume_present(const sps_volume *volume) {
@@ -4233,11 +4232,6 @@ SPSI_COLD sps_result spsi_check_lobes(const spsi_subject *at, const sps_lobe *lo
     return SPS_OK;
 }
 
-SPSI_COLD sps_result spsi_check_gas_colors(const spsi_subject *at, const float albedo[3], const float emission[3]) {
-    if (spsi_check_color(at, "albedo", albedo, 1)) return at->context->result;
-    return spsi_check_color(at, "emission", emission, SPSI_VALUE_MAX);
-}
-
 /* Checks an sps_grid, since sps_grid_read cannot name fields. */
 SPSI_COLD sps_result spsi_check_array(const spsi_subject *at, const sps_volume *volume) {
     const spsi_subject part = {at->context, at->object, at->index, "grid."};
@@ -4260,6 +4254,10 @@ SPSI_COLD sps_result spsi_check_array(const spsi_subject *at, const sps_volume *
 
 SPSI_COLD sps_result spsi_check_volume(sps_context *context, const sps_volume *volume, int i) {
     const spsi_subject at = {context, SPS_OBJECT_VOLUME, i, ""};
+    const int *size = volume->size;
+    const spsi_bounded sizes[] = {{"size", (double)size[0], 0, 65536, "it must be 0..65536"},
+                                  {"size", (double)size[1], 0, 65536, "it must be 0..65536"},
+                                  {"size", (double)size[2], 0, 65536, "it must be 0..65536"}};
     const spsi_bounded looks[] = {
         {"extinction", volume->transfer ? 0 : (double)volume->extinction, 0, (double)SPSI_VALUE_MAX,
          "it must be 0..1e18"},
@@ -4268,21 +4266,20 @@ SPSI_COLD sps_result spsi_check_volume(sps_context *context, const sps_volume *v
         {"shininess", (double)volume->shininess, 0, 1e4, "it must be 0..10000"},
         {"shading", (double)(int)volume->shading, 0, SPS_SHADING_SURFACE, "it must be an sps_shading"}};
     char text[96];
-    if (spsi_check_canaries(&at, volume->start_canary, volume->end_canary)) return context->result;
-    for (int k = 0; k < 3; ++k)
-        if (volume->size[k] < 0 || volume->size[k] > 65536)
-            return spsi_wrong(&at, "size", volume->size[k], "it must be 0..65536");
-    if (!spsi_volume_present(volume)) return SPS_OK;
+    spsi_check_canaries(&at, volume->start_canary, volume->end_canary);
+    if (spsi_check_bounded(&at, sizes, 3) || !spsi_volume_present(volume)) return context->result;
     if (!volume->read_fn == !volume->eval_fn) {
         SPS_SNPRINTF(text, sizeof text, "and eval_fn are both %s; exactly one must be set",
                      volume->read_fn ? "set" : "NULL");
         return spsi_wrong_that(&at, "read_fn", 0, text);
     }
-    if (spsi_check_array(&at, volume) || spsi_check_lobes(&at, volume->lobes, volume->lobe_count) ||
-        spsi_check_bounded(&at, looks, sizeof looks / sizeof *looks) ||
-        spsi_check_color(&at, "ambient", volume->ambient, SPSI_VALUE_MAX))
-        return context->result;
-    return volume->transfer ? SPS_OK : spsi_check_gas_colors(&at, volume->albedo, volume->emission);
+    spsi_check_array(&at, volume);
+    spsi_check_lobes(&at, volume->lobes, volume->lobe_count);
+    spsi_check_bounded(&at, looks, sizeof looks / sizeof *looks);
+    spsi_check_color(&at, "ambient", volume->ambient, SPSI_VALUE_MAX);
+    if (volume->transfer) return context->result;
+    spsi_check_color(&at, "albedo", volume->albedo, 1);
+    return spsi_check_color(&at, "emission", volume->emission, SPSI_VALUE_MAX);
 }
 
 /* Checks an sps_indexed_mesh, since its read function cannot name fields. */
@@ -4290,7 +4287,7 @@ SPSI_COLD sps_result spsi_check_indexed(const spsi_subject *at, const sps_mesh *
     const spsi_subject part = {at->context, at->object, at->index, "arrays."};
     const sps_indexed_mesh *arrays = (const sps_indexed_mesh *)mesh->user;
     const char *field = NULL, *rest = SPSI_IS_NULL;
-    if (mesh->triangle_count == 0 || mesh->read_fn != sps_indexed_mesh_read) return SPS_OK;
+    if (mesh->triangle_count == 0 || mesh->read_fn != sps_indexed_mesh_read) return at->context->result;
     if (!arrays)
         return spsi_wrong_that(at, "user", 0, "is NULL; with sps_indexed_mesh_read it must be an sps_indexed_mesh");
     if (spsi_check_canaries(&part, arrays->start_canary, arrays->end_canary)) return at->context->result;
@@ -4308,25 +4305,26 @@ SPSI_COLD sps_result spsi_check_indexed(const spsi_subject *at, const sps_mesh *
 
 SPSI_COLD sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, int i) {
     const spsi_subject at = {context, SPS_OBJECT_MESH, i, ""};
-    if (spsi_check_canaries(&at, mesh->start_canary, mesh->end_canary)) return context->result;
+    spsi_check_canaries(&at, mesh->start_canary, mesh->end_canary);
     if (mesh->triangle_count > SPSI_FACES_MAX)
-        return spsi_wrong(&at, "triangle_count", (double)mesh->triangle_count, "it must be 0..2^29");
+        spsi_wrong(&at, "triangle_count", (double)mesh->triangle_count, "it must be 0..2^29");
     if (mesh->triangle_count > 0 && !mesh->read_fn)
-        return spsi_wrong_that(&at, "read_fn", 0, "is NULL; it must be set where there are triangles");
-    if (spsi_check_indexed(&at, mesh) || spsi_check_color(&at, "albedo", mesh->albedo, 1)) return context->result;
+        spsi_wrong_that(&at, "read_fn", 0, "is NULL; it must be set where there are triangles");
+    if (spsi_check_indexed(&at, mesh)) return context->result;
+    spsi_check_color(&at, "albedo", mesh->albedo, 1);
     return spsi_check_color(&at, "transmittance", mesh->transmittance, 1);
 }
 
 SPSI_COLD sps_result spsi_check_set(sps_context *context, const sps_particles *set, int i) {
     const spsi_subject at = {context, SPS_OBJECT_PARTICLES, i, ""};
-    if (spsi_check_canaries(&at, set->start_canary, set->end_canary)) return context->result;
-    if (set->count > SPSI_PARTICLES_MAX) return spsi_wrong(&at, "count", (double)set->count, "it must be 0..2^29");
+    spsi_check_canaries(&at, set->start_canary, set->end_canary);
+    if (set->count > SPSI_PARTICLES_MAX) spsi_wrong(&at, "count", (double)set->count, "it must be 0..2^29");
     if (set->count > 0 && !set->read_fn)
-        return spsi_wrong_that(&at, "read_fn", 0, "is NULL; it must be set where count is not 0");
-    if (spsi_check_lobes(&at, set->lobes, set->lobe_count) ||
-        spsi_check_color(&at, "ambient", set->ambient, SPSI_VALUE_MAX))
-        return context->result;
-    return spsi_check_gas_colors(&at, set->albedo, set->emission);
+        spsi_wrong_that(&at, "read_fn", 0, "is NULL; it must be set where count is not 0");
+    spsi_check_lobes(&at, set->lobes, set->lobe_count);
+    spsi_check_color(&at, "ambient", set->ambient, SPSI_VALUE_MAX);
+    spsi_check_color(&at, "albedo", set->albedo, 1);
+    return spsi_check_color(&at, "emission", set->emission, SPSI_VALUE_MAX);
 }
 
 /* Settings of a light's map; of a standalone one if light < 0. */
@@ -4416,7 +4414,7 @@ SPSI_COLD sps_result spsi_check_projector(const spsi_subject *at, const sps_ligh
     const spsi_subject part = {at->context, at->object, at->index, "projector."};
     const sps_projector *projector = light->projector;
     double direction[3], along[2] = {0, 0}, reach;
-    if (!projector) return SPS_OK;
+    if (!projector) return at->context->result;
     if (spsi_check_canaries(&part, projector->start_canary, projector->end_canary)) return at->context->result;
     if (!projector->sample_fn) return spsi_wrong_that(at, "projector.sample_fn", 0, SPSI_IS_NULL);
     memcpy(direction, light->direction, sizeof direction);
@@ -4443,11 +4441,11 @@ SPSI_COLD sps_result spsi_check_projector(const spsi_subject *at, const sps_ligh
 
 SPSI_COLD sps_result spsi_check_extent(const spsi_subject *at, const sps_light *light) {
     for (int axis = 0; axis < 2 && light->kind >= SPS_LIGHT_DISC; ++axis)
-        if (spsi_check_vector(at, axis ? "axes[1]" : "axes[0]", light->axes[axis])) return at->context->result;
+        spsi_check_vector(at, axis ? "axes[1]" : "axes[0]", light->axes[axis]);
     if (light->shadow_map && spsi_light_extended(light))
-        return spsi_fail_that(at->context, SPS_ERROR_UNSUPPORTED, at->object, at->index, "shadow_map", 0,
-                              "holds the shadow of a single point; an extended light has none");
-    return SPS_OK;
+        spsi_fail_that(at->context, SPS_ERROR_UNSUPPORTED, at->object, at->index, "shadow_map", 0,
+                       "holds the shadow of a single point; an extended light has none");
+    return at->context->result;
 }
 
 SPSI_COLD sps_result spsi_check_light(sps_context *context, const sps_light *light, int i) {
@@ -4480,8 +4478,7 @@ SPSI_COLD sps_result spsi_check_light(sps_context *context, const sps_light *lig
         while (k < 2 && fabs(direction[k]) <= DBL_MAX) ++k;
         return spsi_wrong(&at, "direction", direction[k], "it must be finite and have a length");
     }
-    if ((!directional || light->projector) && spsi_check_vector(&at, "position", light->position))
-        return context->result;
+    if (!directional || light->projector) spsi_check_vector(&at, "position", light->position);
     if (spsi_check_extent(&at, light) || spsi_check_projector(&at, light)) return context->result;
     return light->shadow_map ? spsi_check_shadow_map(&at, light) : SPS_OK;
 }
@@ -4501,15 +4498,11 @@ SPSI_COLD sps_result spsi_check_scene(sps_context *context, const sps_scene *sce
         spsi_check_color(&at, "ambient", scene->ambient, SPSI_VALUE_MAX) ||
         spsi_check_color(&at, "background", scene->background, SPSI_VALUE_MAX))
         return context->result;
-    for (int i = 0; i < scene->volume_count; ++i)
-        if (spsi_check_volume(context, &scene->volumes[i], i)) return context->result;
-    for (int i = 0; i < scene->mesh_count; ++i)
-        if (spsi_check_mesh(context, &scene->meshes[i], i)) return context->result;
-    for (int i = 0; i < scene->light_count; ++i)
-        if (spsi_check_light(context, &scene->lights[i], i)) return context->result;
-    for (int i = 0; i < scene->particle_set_count; ++i)
-        if (spsi_check_set(context, &scene->particles[i], i)) return context->result;
-    return SPS_OK;
+    for (int i = 0; i < scene->volume_count; ++i) spsi_check_volume(context, &scene->volumes[i], i);
+    for (int i = 0; i < scene->mesh_count; ++i) spsi_check_mesh(context, &scene->meshes[i], i);
+    for (int i = 0; i < scene->light_count; ++i) spsi_check_light(context, &scene->lights[i], i);
+    for (int i = 0; i < scene->particle_set_count; ++i) spsi_check_set(context, &scene->particles[i], i);
+    return context->result;
 }
 
 /* Exactly one projection must be set. */
@@ -4533,9 +4526,9 @@ SPSI_COLD sps_result spsi_check_camera(const spsi_subject *at, const sps_camera 
     const spsi_subject part = {at->context, at->object, at->index, "camera."};
     if (spsi_check_projection(at, camera)) return at->context->result;
     if (camera->world_to_clip) return spsi_check_list(at, "camera.world_to_clip", camera->world_to_clip, 16);
-    if (spsi_check_vector(&part, "position", camera->position) || spsi_check_vector(&part, "target", camera->target) ||
-        spsi_check_vector(&part, "up", camera->up))
-        return at->context->result;
+    spsi_check_vector(&part, "position", camera->position);
+    spsi_check_vector(&part, "target", camera->target);
+    spsi_check_vector(&part, "up", camera->up);
     return spsi_check_bounded(&part, heights, sizeof heights / sizeof *heights);
 }
 
@@ -28508,24 +28501,23 @@ SPSI_COLD sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher)
 
 SPSI_COLD sps_result spsi_check_reference(sps_context *context, const sps_reference_settings *settings) {
     const spsi_subject at = {context, SPS_OBJECT_REFERENCE_SETTINGS, -1, ""};
-    if (spsi_require(context, settings, "settings") ||
-        spsi_check_canaries(&at, settings->start_canary, settings->end_canary))
-        return context->result;
-    if (!(settings->step > 0 && settings->step <= DBL_MAX))
-        return spsi_wrong(&at, "step", settings->step, "it must be above 0");
-    if (settings->samples < 0 || settings->samples > SPSI_PATHS_MAX)
-        return spsi_wrong(&at, "samples", settings->samples, "it must be 0..1048576");
-    if (settings->error && settings->samples < 2)
-        return spsi_wrong(&at, "samples", settings->samples, "an estimate of the error needs at least 2");
+    if (spsi_require(context, settings, "settings")) return context->result;
+    const spsi_bounded numbers[] = {
+        {"step", settings->step, DBL_MIN, DBL_MAX, "it must be above 0"},
+        {"samples", (double)settings->samples, 0, SPSI_PATHS_MAX, "it must be 0..1048576"},
+        {"samples", (double)settings->samples, settings->error ? 2.0 : 0.0, SPSI_PATHS_MAX,
+         "an estimate of the error needs at least 2"}};
+    spsi_check_canaries(&at, settings->start_canary, settings->end_canary);
+    spsi_check_bounded(&at, numbers, sizeof numbers / sizeof *numbers);
     if (!settings->lower != !settings->upper)
-        return spsi_wrong_that(&at, settings->lower ? "upper" : "lower", 0,
-                               "is NULL, and the other bound is not: set both or neither");
+        spsi_wrong_that(&at, settings->lower ? "upper" : "lower", 0,
+                        "is NULL, and the other bound is not: set both or neither");
     if (settings->lower && settings->lower == settings->upper)
-        return spsi_wrong_that(&at, "upper", 0, "is the memory of lower, too: each bound takes its own");
+        spsi_wrong_that(&at, "upper", 0, "is the memory of lower, too: each bound takes its own");
     if (settings->lower && settings->samples > 0)
-        return spsi_fail_member(&at, SPS_ERROR_UNSUPPORTED, "samples", settings->samples,
-                                "it must be 0 beside lower and upper: random paths have no bounds");
-    return SPS_OK;
+        spsi_fail_member(&at, SPS_ERROR_UNSUPPORTED, "samples", settings->samples,
+                         "it must be 0 beside lower and upper: random paths have no bounds");
+    return context->result;
 }
 
 SPSI_COLD sps_result spsi_reference_frame(sps_context *context, const spsi_frame *frame,
@@ -28592,16 +28584,16 @@ SPS_API int sps_version(void) { return SPS_VERSION; }
 
 SPSI_COLD sps_result spsi_check_config(sps_context *context, const sps_config *config) {
     const spsi_subject at = {context, SPS_OBJECT_CONFIG, -1, ""};
-    if (spsi_check_canaries(&at, config->start_canary, config->end_canary)) return context->result;
+    spsi_check_canaries(&at, config->start_canary, config->end_canary);
     if (!config->alloc_fn != !config->free_fn)
-        return spsi_wrong_that(&at, config->alloc_fn ? "free_fn" : "alloc_fn", 0,
-                               "is NULL; alloc_fn and free_fn must both be set, or neither");
+        spsi_wrong_that(&at, config->alloc_fn ? "free_fn" : "alloc_fn", 0,
+                        "is NULL; alloc_fn and free_fn must both be set, or neither");
     if (config->worker_count < 0 || config->worker_count > SPSI_WORKERS_MAX)
-        return spsi_wrong(&at, "worker_count", config->worker_count, "it must be 0..1024");
+        spsi_wrong(&at, "worker_count", config->worker_count, "it must be 0..1024");
     if (config->memory_limit && config->memory_limit < sizeof(sps_context))
-        return spsi_fail_member(&at, SPS_ERROR_MEMORY, "memory_limit", (double)config->memory_limit,
-                                "a context alone takes more");
-    return SPS_OK;
+        spsi_fail_member(&at, SPS_ERROR_MEMORY, "memory_limit", (double)config->memory_limit,
+                         "a context alone takes more");
+    return context->result;
 }
 
 /* Refuses a nested call. Only the first refusal is reported, since message_fn may cause the next. */

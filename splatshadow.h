@@ -1184,16 +1184,7 @@ static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return (spsi_m)(a & b); }
 static inline int spsi_bits(spsi_m m) { return (int)m; }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return _mm512_mask_blend_ps(m, b, a); }
 static inline spsi_v spsi_iota(void) { return _mm512_set_ps(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0); }
-static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v y) {
-    const __m512i row = _mm512_mullo_epi32(_mm512_cvttps_epi32(y), _mm512_set1_epi32(stride));
-    return _mm512_i32gather_ps(_mm512_add_epi32(row, _mm512_cvttps_epi32(x)), grid, 4);
-}
-static inline void spsi_lookup_pair(const uint32_t *grid, int stride, spsi_v x, spsi_v y, spsi_v pair[2]) {
-    const __m512i row = _mm512_mullo_epi32(_mm512_cvttps_epi32(y), _mm512_set1_epi32(stride));
-    const __m512i both = _mm512_i32gather_epi32(_mm512_add_epi32(row, _mm512_cvttps_epi32(x)), grid, 4);
-    pair[0] = _mm512_cvtepi32_ps(_mm512_and_si512(both, _mm512_set1_epi32(0xffff)));
-    pair[1] = _mm512_cvtepi32_ps(_mm512_srli_epi32(both, 16));
-}
+static inline spsi_i spsi_gather_words(const void *words, spsi_i at) { return _mm512_i32gather_epi32(at, words, 4); }
 static inline spsi_v spsi_four_rows(const float *table, const int *at) {
     __m512 rows = _mm512_castps128_ps512(_mm_loadu_ps(table + 4 * at[0]));
     rows = _mm512_insertf32x4(rows, _mm_loadu_ps(table + 4 * at[4]), 1);
@@ -1214,13 +1205,7 @@ static inline void spsi_store_halves(float *a, float *b, spsi_v v) {
 }
 #define SPSI_HAS_HALVES
 #define SPSI_HAS_FIRST
-static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v bit) {
-    const __m512i number = _mm512_cvttps_epi32(bit), within = _mm512_and_si512(number, _mm512_set1_epi32(31));
-    const __m512i entry = _mm512_slli_epi32(_mm512_cvttps_epi32(at), 1);
-    const __m512i words = _mm512_i32gather_epi32(_mm512_add_epi32(entry, _mm512_srli_epi32(number, 5)), grid, 4);
-    return _mm512_test_epi32_mask(words, _mm512_sllv_epi32(_mm512_set1_epi32(1), within));
-}
-#define SPSI_HAS_LOOKUP
+#define SPSI_HAS_GATHER
 
 #elif defined(SPSI_SIMD_AVX2)
 static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return _mm256_fmadd_ps(a, b, c); }
@@ -1231,16 +1216,8 @@ static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return _mm256_and_ps(a, b); 
 static inline int spsi_bits(spsi_m m) { return _mm256_movemask_ps(m); }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return _mm256_blendv_ps(b, a, m); }
 static inline spsi_v spsi_iota(void) { return _mm256_set_ps(7, 6, 5, 4, 3, 2, 1, 0); }
-static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v y) {
-    const __m256i row = _mm256_mullo_epi32(_mm256_cvttps_epi32(y), _mm256_set1_epi32(stride));
-    return _mm256_i32gather_ps(grid, _mm256_add_epi32(row, _mm256_cvttps_epi32(x)), 4);
-}
-static inline void spsi_lookup_pair(const uint32_t *grid, int stride, spsi_v x, spsi_v y, spsi_v pair[2]) {
-    const __m256i row = _mm256_mullo_epi32(_mm256_cvttps_epi32(y), _mm256_set1_epi32(stride));
-    const __m256i at = _mm256_add_epi32(row, _mm256_cvttps_epi32(x));
-    const __m256i both = _mm256_i32gather_epi32((const int *)(const void *)grid, at, 4);
-    pair[0] = _mm256_cvtepi32_ps(_mm256_and_si256(both, _mm256_set1_epi32(0xffff)));
-    pair[1] = _mm256_cvtepi32_ps(_mm256_srli_epi32(both, 16));
+static inline spsi_i spsi_gather_words(const void *words, spsi_i at) {
+    return _mm256_i32gather_epi32((const int *)words, at, 4);
 }
 static inline spsi_v spsi_four_rows(const float *table, const int *at) {
     const __m256 low = _mm256_castps128_ps256(_mm_loadu_ps(table + 4 * at[0]));
@@ -1252,14 +1229,7 @@ static inline __m256i spsi_first(int count) {
 static inline spsi_v spsi_load_first(const float *p, int count) { return _mm256_maskload_ps(p, spsi_first(count)); }
 static inline void spsi_store_first(float *p, spsi_v a, int count) { _mm256_maskstore_ps(p, spsi_first(count), a); }
 #define SPSI_HAS_FIRST
-static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v bit) {
-    const __m256i number = _mm256_cvttps_epi32(bit), entry = _mm256_slli_epi32(_mm256_cvttps_epi32(at), 1);
-    const __m256i places = _mm256_add_epi32(entry, _mm256_srli_epi32(number, 5));
-    const __m256i words = _mm256_i32gather_epi32((const int *)(const void *)grid, places, 4);
-    const __m256i place = _mm256_andnot_si256(number, _mm256_set1_epi32(31)); /* shifts the bit to the sign */
-    return _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_sllv_epi32(words, place)));
-}
-#define SPSI_HAS_LOOKUP
+#define SPSI_HAS_GATHER
 
 #elif defined(SPSI_SIMD_SSE2)
 static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return _mm_add_ps(_mm_mul_ps(a, b), c); }
@@ -1427,8 +1397,35 @@ static inline spsi_v spsi_floor(spsi_v a) {
 }
 #endif
 
-#ifndef SPSI_HAS_LOOKUP
-/* Gathers grid[y * stride + x] per lane; x, y whole numbers. */
+/* spsi_lookup: gathers grid[y * stride + x] per lane; x, y whole numbers. spsi_lookup_pair: its low and high 16 bits.
+   spsi_lookup_bit: mask of lanes where bit `bit` (0..63) of grid[at] is set. */
+#ifdef SPSI_HAS_GATHER
+static inline spsi_i spsi_gather_at(const void *grid, int stride, spsi_v x, spsi_v y) {
+    const spsi_i row = SPSI_X86(mullo_epi32)(SPSI_X86(cvttps_epi32)(y), SPSI_X86(set1_epi32)(stride));
+    return spsi_gather_words(grid, SPSI_X86(add_epi32)(row, SPSI_X86(cvttps_epi32)(x)));
+}
+
+static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v y) {
+    const spsi_i words = spsi_gather_at(grid, stride, x, y);
+    spsi_v values;
+    memcpy(&values, &words, sizeof values);
+    return values;
+}
+
+static inline void spsi_lookup_pair(const uint32_t *grid, int stride, spsi_v x, spsi_v y, spsi_v pair[2]) {
+    const spsi_i both = spsi_gather_at(grid, stride, x, y);
+    pair[0] = SPSI_X86(cvtepi32_ps)(SPSI_X86(srli_epi32)(SPSI_X86(slli_epi32)(both, 16), 16));
+    pair[1] = SPSI_X86(cvtepi32_ps)(SPSI_X86(srli_epi32)(both, 16));
+}
+
+static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v bit) {
+    const spsi_i number = SPSI_X86(cvttps_epi32)(bit), entry = SPSI_X86(slli_epi32)(SPSI_X86(cvttps_epi32)(at), 1);
+    const spsi_i within = SPSI_X86(srli_epi32)(SPSI_X86(slli_epi32)(number, 27), 27);
+    const spsi_i words = spsi_gather_words(grid, SPSI_X86(add_epi32)(entry, SPSI_X86(srli_epi32)(number, 5)));
+    const spsi_i shifted = SPSI_X86(slli_epi32)(SPSI_X86(srlv_epi32)(words, within), 31); /* 0 or INT_MIN */
+    return spsi_bits(spsi_less(SPSI_X86(cvtepi32_ps)(shifted), spsi_set(0)));
+}
+#else
 static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v y) {
     float xs[SPSI_LANES], ys[SPSI_LANES];
     spsi_store(xs, x);
@@ -1437,7 +1434,6 @@ static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v
     return spsi_load(xs);
 }
 
-/* Gathers low and high 16 bits per lane. */
 static inline void spsi_lookup_pair(const uint32_t *grid, int stride, spsi_v x, spsi_v y, spsi_v pair[2]) {
     float xs[SPSI_LANES], ys[SPSI_LANES];
     spsi_store(xs, x);
@@ -1451,7 +1447,6 @@ static inline void spsi_lookup_pair(const uint32_t *grid, int stride, spsi_v x, 
     pair[1] = spsi_load(ys);
 }
 
-/* Returns bit `bit` (0..63) of grid[at] per lane. */
 static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v bit) {
     float places[SPSI_LANES], numbers[SPSI_LANES];
     int lanes = 0;

@@ -2181,53 +2181,6 @@ static void spsi_parallel(sps_context *context, int count, sps_task_fn task, voi
     }
 }
 
-/* Order of repeated tasks, longest first, so that no worker ends late. Results do not depend on it. */
-typedef struct spsi_task_order {
-    int count;
-    uint32_t *work; /* work per task, any unit, set by tasks */
-    int *order;
-    sps_task_fn task;
-    void *data;
-} spsi_task_order;
-
-#define SPSI_TASK_ORDER_BYTES (sizeof(uint32_t) + sizeof(int))
-
-static void spsi_task_order_begin(spsi_task_order *turns, int count, void *memory) {
-    turns->count = count;
-    turns->work = (uint32_t *)memory;
-    turns->order = (int *)(void *)(turns->work + count);
-    memset(turns->work, 0, (size_t)count * sizeof *turns->work);
-}
-
-/* Smallest n with work < 2^n. */
-SPSI_COLD int spsi_turn_octave(uint32_t work) {
-    int octave = 0;
-    while (octave < 32 && work >> octave) ++octave;
-    return octave;
-}
-
-static void spsi_ordered_task(void *data, int index, int worker) {
-    spsi_task_order *turns = (spsi_task_order *)data;
-    const int task = turns->order[index];
-    turns->work[task] = 0;
-    turns->task(turns->data, task, worker);
-}
-
-/* Octaves of work suffice; a finer order would not end earlier. */
-static void spsi_parallel_ordered(sps_context *context, spsi_task_order *turns, sps_task_fn task, void *data) {
-    int first[33] = {0}, before = 0;
-    for (int i = 0; i < turns->count; ++i) first[spsi_turn_octave(turns->work[i])] += 1;
-    for (int octave = 32; octave >= 0; --octave) {
-        const int count = first[octave];
-        first[octave] = before;
-        before += count;
-    }
-    for (int i = 0; i < turns->count; ++i) turns->order[first[spsi_turn_octave(turns->work[i])]++] = i;
-    turns->task = task;
-    turns->data = data;
-    spsi_parallel(context, turns->count, spsi_ordered_task, turns);
-}
-
 /* Part of a call: start and length, as fractions of the call. */
 typedef struct spsi_call_stage {
     double progress, share;
@@ -13397,8 +13350,6 @@ static void spsi_tile_count(const spsi_target *target, const spsi_tile *tile, in
     target->counts[worker][2] += tile->samples;
 }
 
-static uint32_t spsi_tile_work(const spsi_tile *tile) { return (uint32_t)(tile->samples + 8 * tile->visits); }
-
 /* ========================================================================================== >>lightsheets
    23 Optical depth of a light's sheets. Gas is stored as such, per unit of t. A transfer function is not linear:
    classified slabs have SPSI_SUBSLABS parts, means of a parabola through three slabs. */
@@ -16526,7 +16477,6 @@ typedef struct spsi_planes {
     int cubic;             /* 1: bicubic lookup, for classified volumes */
     uint64_t *open;        /* per tile: bit mask of patches that light still passes */
     unsigned char *uneven; /* per tile; 1: planes differ, to be levelled before the next chunk */
-    spsi_task_order turns; /* order of tiles */
 } spsi_planes;
 
 #define SPSI_PLANES_TEXEL_BYTES ((SPSI_CHUNK + 1) * sizeof(float))
@@ -16642,8 +16592,7 @@ SPSI_COLD sps_result spsi_planes_build(sps_context *context, const spsi_frame *f
     planes->end = spsi_light_end(frame);
     planes->cubic = frame->matter.classifies && rays->width >= 4 && rays->height >= 4;
     for (int k = 0; k <= SPSI_CHUNK; ++k) planes->depth[k] = memory + (size_t)k * texels;
-    spsi_task_order_begin(&planes->turns, (int)tiles, memory + (SPSI_CHUNK + 1) * texels);
-    planes->uneven = (unsigned char *)(planes->turns.order + tiles);
+    planes->uneven = (unsigned char *)(memory + (SPSI_CHUNK + 1) * texels);
     memset(memory, 0, texels * (SPSI_CHUNK + 1) * sizeof(float));
     memset(planes->uneven, 0, tiles);
     memset(planes->open, 0xff, tiles * sizeof *planes->open);
@@ -16681,7 +16630,6 @@ static void spsi_sliced_task(void *data, int index, int worker) {
     planes->open[index] =
         spsi_patches_unfinished(tile.depth, tile.depth_pitch, tile.x1 - tile.x0 + 1, tile.y1 - tile.y0 + 1, tile.end);
     planes->uneven[index] = 1;
-    planes->turns.work[index] = spsi_tile_work(&tile);
     spsi_tile_count(&sliced->target, &tile, worker);
 }
 
@@ -16716,7 +16664,7 @@ SPSI_COLD void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
         context->stats.soft_texels +=
             (SPSI_CHUNK + 1) * (uint64_t)sliced->penumbra.beam_count * (uint64_t)spsi_ray_count(sliced->target.rays);
     } else {
-        spsi_parallel_ordered(context, &sliced->planes.turns, spsi_sliced_task, sliced);
+        spsi_parallel(context, tiles, spsi_sliced_task, sliced);
     }
     context->stats.seconds_light += spsi_clock(context) - start;
 }
@@ -24716,10 +24664,9 @@ typedef struct spsi_region {
     uint64_t *open;            /* per tile: bits of patches with unfinished rays */
     int outside;               /* tiles outside of the sweep's part */
     float (*polygon_range)[3]; /* per tile: polygons' slab range, and least depth */
-    spsi_task_order turns;
 } spsi_region;
 
-#define SPSI_REGION_TILE_BYTES (sizeof(uint64_t) + 3 * sizeof(float) + SPSI_TASK_ORDER_BYTES)
+#define SPSI_REGION_TILE_BYTES (sizeof(uint64_t) + 3 * sizeof(float))
 
 /* A task writes only its tile's pixels, planes and flags, and its worker's sheets, scratch memory and counters. */
 typedef struct spsi_run {
@@ -24802,7 +24749,6 @@ static void spsi_eye_task(void *data, int index, int worker) {
             if ((y + 1) % tick_rows == 0) spsi_task_tick(run->context);
         }
     run->shaded[worker] += shaded;
-    region->turns.work[index] = spsi_tile_work(&tile) + (uint32_t)shaded;
     spsi_tile_count(&run->eye, &tile, worker);
     if (!run->shader.sweep->back_to_front) region->open[index] = spsi_tile_open(run, x0, y0);
 }
@@ -24901,7 +24847,6 @@ SPSI_COLD sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     if (!region->open || !memory) return context->result;
     memset(memory, 0, pixels * planes * sizeof(float));
     region->polygon_range = (float(*)[3])(void *)(region->open + tiles);
-    spsi_task_order_begin(&region->turns, (int)tiles, region->polygon_range + tiles);
     shader->x_origin = region->x0 * SPSI_TILE_WIDTH;
     shader->y_origin = region->y0 * SPSI_TILE_HEIGHT;
     shader->pitch = region->columns * SPSI_TILE_WIDTH;
@@ -24985,7 +24930,7 @@ SPSI_COLD void spsi_run_polygons(spsi_run *run, float low, float high) {
     else if (run->has_sliced)
         spsi_parallel_items(run->context, run->sliced.planes.tiles_x * run->sliced.planes.tiles_y, spsi_planes_level,
                             &run->sliced.planes);
-    spsi_parallel_ordered(run->context, &run->region.turns, spsi_eye_task, run);
+    spsi_parallel(run->context, run->region.columns * run->region.rows, spsi_eye_task, run);
 }
 
 SPSI_COLD void spsi_run_chunk(spsi_run *run) {
@@ -24996,7 +24941,7 @@ SPSI_COLD void spsi_run_chunk(spsi_run *run) {
     run->high = run->low + SPSI_CHUNK;
     spsi_contents_bin_particles(&run->contents);
     if (run->has_sliced) spsi_sliced_advance(context, &run->sliced);
-    spsi_parallel_ordered(context, &run->region.turns, spsi_eye_task, run);
+    spsi_parallel(context, run->region.columns * run->region.rows, spsi_eye_task, run);
 }
 
 SPSI_COLD void spsi_run_count(spsi_run *run) {
@@ -25032,7 +24977,7 @@ SPSI_COLD sps_result spsi_run_sweep(spsi_run *run, const spsi_call_stage *part) 
         spsi_run_polygons(run, done, (float)(chunk * SPSI_CHUNK));
         spsi_run_chunk(run);
         done = (float)((chunk + 1) * SPSI_CHUNK);
-        if (spsi_region_ended(&run->region) == run->region.turns.count) break;
+        if (spsi_region_ended(&run->region) == run->region.columns * run->region.rows) break;
     }
     spsi_run_polygons(run, done, SPSI_INFINITY);
     spsi_run_count(run);

@@ -391,30 +391,6 @@ static void test_rounds_of_tasks(void) {
 }
 
 /* The quick start in the header, without its indentation, equals examples/hello.c, and so does that in the README. */
-static void note_task(void *data, int index, int worker) {
-    int *note = (int *)data;
-    (void)worker;
-    note[1 + note[0]++] = index;
-}
-
-/* Every task has its turn, those that did most the time before first, to within an octave. */
-static void test_turns(void) {
-    enum { TASKS = 9 };
-    static const uint32_t work[TASKS] = {0, 70, 3, 4000000000u, 900, 0, 65, 1, 2047};
-    static const int order[TASKS] = {3, 8, 4, 1, 6, 2, 7, 0, 5};
-    int note[1 + TASKS] = {0};
-    uint32_t memory[TASKS * SPSI_TASK_ORDER_BYTES / sizeof(uint32_t)];
-    sps_context *context = sps_create(NULL, NULL);
-    spsi_task_order turns;
-    spsi_task_order_begin(&turns, TASKS, memory);
-    for (int i = 0; i < TASKS; ++i) CHECK(turns.work[i] == 0);
-    memcpy(turns.work, work, sizeof work);
-    spsi_parallel_ordered(context, &turns, note_task, note);
-    CHECK(note[0] == TASKS && memcmp(note + 1, order, sizeof order) == 0);
-    for (int i = 0; i < TASKS; ++i) CHECK(turns.work[i] == 0); /* of a task that says nothing of what it did */
-    sps_destroy(context);
-}
-
 static void test_quick_start(void) {
     char *header = read_text("splatshadow.h"), *hello = read_text("examples/hello.c"), *readme = read_text("README.md");
     const char *line = header ? strstr(header, "QUICK START") : NULL;
@@ -487,7 +463,6 @@ int main(void) {
     test_configs();
     test_version_and_names();
     test_rounds_of_tasks();
-    test_turns();
     test_clock(&m);
     test_clock_of_calls(&small);
     test_sizes_overflow();

@@ -2039,16 +2039,6 @@ static void spsi_task_tick(sps_context *context) {
     if (!context->config.parallel_for_fn) spsi_tick(context, 0);
 }
 
-#define SPSI_COPY_BYTES ((size_t)1 << 24)
-
-static void spsi_copy(sps_context *context, void *to, const void *from, size_t bytes) {
-    for (size_t at = 0; at < bytes; at += SPSI_COPY_BYTES) {
-        const size_t some = bytes - at < SPSI_COPY_BYTES ? bytes - at : SPSI_COPY_BYTES;
-        memcpy((char *)to + at, (const char *)from + at, some);
-        if (bytes > SPSI_COPY_BYTES) spsi_tick(context, 0);
-    }
-}
-
 /* Inclusive prefix sum in place; returns the total. */
 static uint64_t spsi_running_sums(uint32_t *counts, size_t count) {
     uint64_t sum = 0;
@@ -2079,7 +2069,7 @@ SPSI_COLD void *spsi_buffer_extend(sps_context *context, spsi_buffer *buffer, si
     if (buffer->data && held >= count) return buffer->data;
     void *data = spsi_acquire(context, wanted, size);
     if (!data) return NULL;
-    spsi_copy(context, data, buffer->data, kept * size);
+    if (kept > 0) memcpy(data, buffer->data, kept * size);
     spsi_release(context, buffer->data);
     buffer->data = data;
     buffer->size = wanted * size;
@@ -14278,7 +14268,7 @@ SPSI_COLD sps_result spsi_fill_lists(spsi_filling *filling) {
     filling->band.starts[0] = 0;
     memcpy(filling->band.starts + 1, filling->band.cursors, texels * sizeof(uint32_t));
     const uint64_t sum = spsi_running_sums(filling->band.starts, texels + 1);
-    spsi_copy(context, filling->band.cursors, filling->band.starts, texels * sizeof(uint32_t));
+    memcpy(filling->band.cursors, filling->band.starts, texels * sizeof(uint32_t));
     if (sum > INT32_MAX)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "intervals in 64 rows", (double)sum,
                                "2^31 - 1 are held at most");
@@ -14776,7 +14766,7 @@ SPSI_COLD sps_result spsi_tmap_trim(sps_tmap *map) {
     spsi_buffer exact = {NULL, 0};
     if (map->data.texels.size <= (count > 0 ? count : 1) * item) return SPS_OK;
     if (!spsi_buffer_reserve(map->context, &exact, count, item)) return map->context->result;
-    spsi_copy(map->context, exact.data, map->data.texels.data, count * item);
+    memcpy(exact.data, map->data.texels.data, count * item);
     spsi_buffer_release(map->context, &map->data.texels);
     map->data.texels = exact;
     return SPS_OK;
@@ -18057,7 +18047,7 @@ SPSI_COLD void spsi_cells_w_cycle(spsi_cell_solver *solver, int n) {
     /* restricts the residual */
     spsi_cell_step step = {level, coarse, level->moments[1], coarse->given, solver->terms};
     spsi_parallel_items(solver->context, coarse->size[2], spsi_cells_coarsen_task, &step);
-    spsi_copy(solver->context, coarse->sent, coarse->given, (size_t)solver->terms * coarse->count * sizeof(float));
+    memcpy(coarse->sent, coarse->given, (size_t)solver->terms * coarse->count * sizeof(float));
     for (int i = 0; i < 2; ++i) spsi_cells_w_cycle(solver, n + 1);
     spsi_cells_sweep(coarse);
     spsi_parallel_items(solver->context, level->size[2], spsi_cells_correct_task, &step);
@@ -18082,7 +18072,7 @@ SPSI_COLD sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, con
     const size_t bytes = (size_t)solver->terms * finest->count * sizeof(float);
     if (!started) {
         spsi_cells_levels(solver);
-        spsi_copy(solver->context, finest->moments[1], finest->given, bytes);
+        memcpy(finest->moments[1], finest->given, bytes);
         memset(finest->sent, 0, bytes);
         spsi_cells_w_cycle(solver, 0);
     }
@@ -23835,10 +23825,10 @@ SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_
         out += 4 * SPSI_PI * (double)level->depth[at] * (double)(level->sent[at] - level->moments[0][at]);
     }
     job->grid->thick[channel] = (float)(depth / ((double)grid->size[0] * grid->size[1] * grid->size[2]));
-    spsi_copy(job->context, grid->flux + (size_t)channel * floats, level->moments[0], floats * sizeof(float));
+    memcpy(grid->flux + (size_t)channel * floats, level->moments[0], floats * sizeof(float));
     job->leaves = leaves;
     if (job->solver->set_count > 0) {
-        spsi_copy(job->context, level->moments[1], all, (size_t)grid->terms * grid->count * sizeof(float));
+        memcpy(level->moments[1], all, (size_t)grid->terms * grid->count * sizeof(float));
         spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_single_task, job);
         level->sent = level->moments[1];
     }
@@ -23889,7 +23879,7 @@ SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_leve
         each.share *= 0.5;
         spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
         if (spsi_cells_solve(solver, n > 0, &each)) return job->context->result;
-        spsi_copy(job->context, light, found, moments * sizeof(float));
+        memcpy(light, found, moments * sizeof(float));
         each.progress += each.share;
         if (!plain || change * change < SPSI_CELL_CHANGE * last) break; /* the next change shrinks by as much */
         last = change;

@@ -6764,56 +6764,11 @@ static void spsi_surface_place(const spsi_face *face, const double plane[3], con
         spsi_along(rasterised, plane, way / spsi_dot(plane, plane), point);
 }
 
-/* Points by component, for automatic vectorisation. Unused lanes repeat others. */
+/* Points by component. Unused lanes repeat others. */
 typedef struct spsi_points {
     int lanes; /* mask */
     double at[3][SPSI_LANES];
 } spsi_points;
-
-/* A vector of rays that hit faces; unused lanes repeat others. */
-typedef struct spsi_intersections {
-    int lanes;
-    double x[SPSI_LANES], y[SPSI_LANES], t[SPSI_LANES]; /* rasterised */
-    double corner[3][SPSI_LANES], plane[3][SPSI_LANES]; /* first corners, normals */
-} spsi_intersections;
-
-static void spsi_intersections_fill(spsi_intersections *m) {
-    const int from = spsi_lowest_bit(m->lanes);
-    for (int n = 0; n < SPSI_LANES; ++n) {
-        if (m->lanes >> n & 1) continue;
-        m->x[n] = m->x[from], m->y[n] = m->y[from], m->t[n] = m->t[from];
-        for (int i = 0; i < 3; ++i) m->corner[i][n] = m->corner[i][from], m->plane[i][n] = m->plane[i][from];
-    }
-}
-
-/* Matches spsi_surface_place to the bit. facing: normal . ray. */
-static void spsi_intersections_hit(const spsi_rays *eye, const spsi_intersections *m, spsi_points *points,
-                                   double facing[SPSI_LANES]) {
-    const double grazing = 1e-16, turned = eye->perspective ? 1 : 0, moved = 1 - turned;
-    double ray[3][SPSI_LANES], way[SPSI_LANES], square[SPSI_LANES], across[SPSI_LANES];
-    for (int i = 0; i < 3; ++i)
-        for (int n = 0; n < SPSI_LANES; ++n) {
-            const double x = m->x[n] * eye->a[i], y = m->y[n] * eye->b[i];
-            ray[i][n] = eye->c[i] + turned * x + turned * y;
-            points->at[i][n] = eye->origin[i] + m->t[n] * ray[i][n] + moved * x + moved * y;
-        }
-    for (int n = 0; n < SPSI_LANES; ++n) {
-        const double p[3] = {m->plane[0][n], m->plane[1][n], m->plane[2][n]};
-        const double r[3] = {ray[0][n], ray[1][n], ray[2][n]};
-        way[n] = p[0] * (m->corner[0][n] - points->at[0][n]) + p[1] * (m->corner[1][n] - points->at[1][n]) +
-                 p[2] * (m->corner[2][n] - points->at[2][n]);
-        facing[n] = p[0] * r[0] + p[1] * r[1] + p[2] * r[2];
-        square[n] = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
-        across[n] = r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
-    }
-    for (int i = 0; i < 3; ++i)
-        for (int n = 0; n < SPSI_LANES; ++n) {
-            const int steep = facing[n] * facing[n] > grazing * square[n] * across[n];
-            const double along = steep ? ray[i][n] : m->plane[i][n], by = steep ? facing[n] : square[n];
-            points->at[i][n] += way[n] / by * along;
-        }
-    points->lanes = m->lanes;
-}
 
 /* Raises shadow rays from the facet to the smooth surface, so that facets do not shadow lit neighbours [Hanika 2021,
    "Hacking the Shadow Terminator"]. Flat meshes' round-off raises nothing. */
@@ -7397,9 +7352,8 @@ SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *f
 
 /* ============================================================================================ >>surfaces
    14 Visible surfaces and their shadow rays. Polygons shadow each other exactly: one ray per point and light through a
-   tree, without texels or bias. Tiles skip these rays if they show a few flat polygons and nothing lies between them
-   and the light. Translucent triangles filter rays by color. Media use depth maps, >>depthmaps. Cost: tree height per
-   point and light. */
+   tree, without texels or bias. Translucent triangles filter rays by color. Media use depth maps, >>depthmaps. Cost:
+   tree height per point and light. */
 
 /* --- shade_fn --- */
 
@@ -16554,8 +16508,7 @@ typedef struct spsi_shadow {
     const spsi_sliced *sliced; /* with sheets */
     const sps_tmap *tmap;      /* with a map */
     int soft;                  /* 1: sheets include polygons' shadows */
-    float *lit;                /* per pixel: spsi_visibility */
-    unsigned char *open;       /* per pixel and point of an area light: likewise */
+    float *open;               /* see spsi_visibility_job */
     spsi_linear along[3];      /* arguments of spsi_shadow_lookup along the eye's rays */
     spsi_depth_map depth_map;
     spsi_translucency_map *translucency_maps; /* one per point of a soft light, or one */
@@ -20891,79 +20844,59 @@ static int spsi_surface_point_irradiance(const spsi_frame *frame, const spsi_lig
     return irradiance[0] > 0 || irradiance[1] > 0 || irradiance[2] > 0;
 }
 
-#define SPSI_VISIBILITY_BLOCK 4 /* pixels along an edge of a packet's block */
-#define SPSI_VISIBILITY_TILE                                                                                           \
-    32 /* pixels along an edge of a task's tile */
+#define SPSI_VISIBILITY_BLOCK 4  /* pixels along an edge of a packet's block */
+#define SPSI_VISIBILITY_TILE  32 /* pixels along an edge of a task's tile */
 
 typedef struct spsi_visibility_job {
     const spsi_frame *frame;
     const spsi_faces *faces;
     const spsi_visible *visible;
     const spsi_light *light;
-    float *lit;     /* spsi_lit_channels fractions per place */
-    unsigned char *open; /* per place and point: 255 sqrt(transmittance); NULL: not needed */
+    float *open;    /* per place, point and channel: transmittance */
     uint64_t *rays; /* per worker */
 } spsi_visibility_job;
 
 /* A packet: a block of pixels, or successive layers. */
 typedef struct spsi_visibility_surfaces {
-    int facing;
+    int used; /* mask */
     size_t index[SPSI_PACKET];
     spsi_surface at[SPSI_PACKET];
     int face[SPSI_PACKET];
-    double all[SPSI_PACKET][3], seen[SPSI_PACKET][3]; /* irradiance without and with shadows */
 } spsi_visibility_surfaces;
 
-/* 3 with translucent polygons, or with cookies of several points, whose colors are blocked differently. */
-static int spsi_lit_channels(const spsi_frame *frame, const spsi_light *light) {
-    return frame->meshes.translucent || (light->projection.exists && light->point_count > 1) ? 3 : 1;
-}
+/* Translucent polygons filter each color differently. */
+static int spsi_visibility_channels(const spsi_frame *frame) { return frame->meshes.translucent ? 3 : 1; }
 
-static int spsi_visibility_floats(const spsi_frame *frame, const spsi_light *light, int soft) {
-    return spsi_lit_channels(frame, light) + (soft ? (light->point_count + 3) / 4 : 0);
+/* Values per place. */
+static int spsi_visibility_values(const spsi_frame *frame, const spsi_light *light) {
+    return light->point_count * spsi_visibility_channels(frame);
 }
 
 /* Returns the number of rays. */
-static int spsi_visibility_point(const spsi_visibility_job *job, int n, spsi_visibility_surfaces *block) {
+static int spsi_visibility_point(const spsi_visibility_job *job, int n, const spsi_visibility_surfaces *block) {
     const spsi_light *point = &job->light->points[n];
-    const size_t pitch = (size_t)job->light->point_count;
+    const int channels = spsi_visibility_channels(job->frame);
     spsi_packet packet;
-    double toward[3], irradiance[SPSI_PACKET][3];
-    int rays = 0, open;
+    int rays = 0;
     spsi_packet_begin(job->faces, !point->is_point, 1, &packet);
     for (int at = 0; at < SPSI_PACKET; ++at) {
-        if (!(block->facing >> at & 1)) continue;
-        if (!spsi_surface_point_irradiance(job->frame, point, &block->at[at], irradiance[at])) continue;
+        double toward[3], irradiance[3];
+        if (!(block->used >> at & 1)) continue;
+        if (!spsi_surface_point_irradiance(job->frame, point, &block->at[at], irradiance)) continue;
         spsi_toward_light(point, block->at[at].start, toward);
         spsi_packet_add(&job->faces->tree, at, block->face[at], block->at[at].start, toward, &packet);
-        for (int c = 0; c < 3; ++c) block->all[at][c] += irradiance[at][c];
         rays += 1;
     }
-    open = packet.open;
-    if (!open) return 0;
-    spsi_packet_trace(job->faces, &packet);
-    open &= packet.open;
-    for (int at = 0; at < SPSI_PACKET; ++at) {
+    if (rays > 0) spsi_packet_trace(job->faces, &packet);
+    for (int at = 0; packet.open >> at > 0; ++at) {
+        const size_t place = block->index[at] * (size_t)job->light->point_count + (size_t)n;
         double through[3] = {1, 1, 1};
+        if (!(packet.open >> at & 1)) continue;
         if (packet.filtered >> at & 1) spsi_packet_through(&packet, at, through);
-        for (int c = 0; c < 3 && open >> at & 1; ++c) block->seen[at][c] += through[c] * irradiance[at][c];
-        if (job->open && open >> at & 1)
-            job->open[block->index[at] * pitch + (size_t)n] =
-                (unsigned char)(255 * sqrt((through[0] + through[1] + through[2]) / 3) + 0.5);
+        for (int c = 0; c < channels; ++c)
+            job->open[place * (size_t)channels + (size_t)c] = (float)through[c];
     }
     return rays;
-}
-
-/* A single point is visible or not, in all colors. */
-static void spsi_visibility_store(const spsi_visibility_job *job, size_t index, const double all[3],
-                                  const double seen[3]) {
-    const int channels = spsi_lit_channels(job->frame, job->light);
-    float *lit = job->lit + (size_t)channels * index;
-    if (channels == 1 && job->light->projection.exists) {
-        lit[0] = (float)(seen[0] > 0 || seen[1] > 0 || seen[2] > 0);
-        return;
-    }
-    for (int c = 0; c < channels; ++c) lit[c] = seen[c] > 0 ? (float)(seen[c] / all[c]) : 0;
 }
 
 static void spsi_visibility_add(const spsi_visibility_job *job, const spsi_shading_point *place, int at,
@@ -20971,23 +20904,20 @@ static void spsi_visibility_add(const spsi_visibility_job *job, const spsi_shadi
     spsi_surface_at(&job->frame->content->eye, job->faces, place->hit, place->at[0], place->at[1], &block->at[at]);
     block->face[at] = place->hit->face;
     block->index[at] = place->index;
-    block->facing |= 1 << at;
+    block->used |= 1 << at;
 }
 
-static int spsi_visibility_trace(const spsi_visibility_job *job, spsi_visibility_surfaces *block) {
-    int rays = 0;
-    for (int i = 0; i < job->light->point_count && block->facing; ++i) rays += spsi_visibility_point(job, i, block);
-    for (int at = 0; at < SPSI_PACKET; ++at)
-        if (block->facing >> at & 1) spsi_visibility_store(job, block->index[at], block->all[at], block->seen[at]);
-    return rays;
+static void spsi_visibility_trace(const spsi_visibility_job *job, int worker, const spsi_visibility_surfaces *block) {
+    for (int i = 0; i < job->light->point_count && block->used; ++i)
+        job->rays[worker] += (uint64_t)spsi_visibility_point(job, i, block);
 }
 
-static int spsi_visibility_block(const spsi_visibility_job *job, int x0, int y0) {
+static void spsi_visibility_block(const spsi_visibility_job *job, int worker, int x0, int y0) {
     const int width = job->frame->content->eye.width, *region = job->frame->view.region;
     const int x1 = spsi_imin(region[0] + region[2], x0 + SPSI_VISIBILITY_BLOCK);
     const int y1 = spsi_imin(region[1] + region[3], y0 + SPSI_VISIBILITY_BLOCK);
     spsi_visibility_surfaces block;
-    memset(&block, 0, sizeof block);
+    block.used = 0;
     for (int y = spsi_imax(y0, region[1]); y < y1; ++y)
         for (int x = spsi_imax(x0, region[0]); x < x1; ++x) {
             spsi_shading_point place;
@@ -20995,163 +20925,24 @@ static int spsi_visibility_block(const spsi_visibility_job *job, int x0, int y0)
             spsi_shading_point_of_pixel(job->frame, job->visible, x, y, &place);
             spsi_visibility_add(job, &place, (y - y0) * SPSI_VISIBILITY_BLOCK + x - x0, &block);
         }
-    return spsi_visibility_trace(job, &block);
+    spsi_visibility_trace(job, worker, &block);
 }
 
 static void spsi_visibility_layers_task(void *data, int index, int worker) {
     const spsi_visibility_job *job = (const spsi_visibility_job *)data;
-    const size_t first = (size_t)index * SPSI_PACKET;
-    const int count =
-        (int)(job->visible->layers.count - first < SPSI_PACKET ? job->visible->layers.count - first : SPSI_PACKET);
+    const size_t first = (size_t)index * SPSI_PACKET, count = job->visible->layers.count;
     spsi_visibility_surfaces block;
-    memset(&block, 0, sizeof block);
-    for (int i = 0; i < count; ++i) {
+    block.used = 0;
+    for (size_t i = first; i < first + SPSI_PACKET && i < count; ++i) {
         spsi_shading_point place;
-        spsi_shading_point_of_layer(job->frame, job->visible, first + (size_t)i, &place);
-        if (spsi_in_region(job->frame, place.x, place.y)) spsi_visibility_add(job, &place, i, &block);
+        spsi_shading_point_of_layer(job->frame, job->visible, i, &place);
+        if (spsi_in_region(job->frame, place.x, place.y)) spsi_visibility_add(job, &place, (int)(i - first), &block);
     }
-    job->rays[worker] += (uint64_t)spsi_visibility_trace(job, &block);
+    spsi_visibility_trace(job, worker, &block);
 }
 
 static int spsi_visibility_tiles(int first, int pixels) {
     return (first + pixels - 1) / SPSI_VISIBILITY_TILE - first / SPSI_VISIBILITY_TILE + 1;
-}
-
-/* --- tiles without shadows of polygons --- */
-
-#define SPSI_VISIBILITY_FACES 8
-
-typedef struct spsi_visibility_view {
-    int x0, y0, x1, y1; /* first and last pixels */
-    int face[SPSI_VISIBILITY_FACES], count;
-    int points[SPSI_VISIBILITY_FACES]; /* number of the light's points that each faces */
-    float low, high;              /* depths */
-} spsi_visibility_view;
-
-/* Index of a face, or `count`. */
-static int spsi_visibility_find(const spsi_visibility_view *view, int face) {
-    int at = 0;
-    while (at < view->count && view->face[at] != face) ++at;
-    return at;
-}
-
-/* Returns 0 if they are too many. */
-static int spsi_visibility_list(const spsi_visibility_job *job, spsi_visibility_view *view) {
-    int last = -1;
-    view->count = 0;
-    view->low = SPSI_INFINITY;
-    view->high = -SPSI_INFINITY;
-    for (int y = view->y0; y <= view->y1; ++y) {
-        const spsi_hit *hits = job->visible->hits + (size_t)y * (size_t)job->frame->content->eye.width;
-        for (int x = view->x0; x <= view->x1; ++x) {
-            if (hits[x].face < 0) continue;
-            view->low = spsi_fmin(hits[x].depth, view->low);
-            view->high = spsi_fmax(hits[x].depth, view->high);
-            if (hits[x].face == last) continue;
-            last = hits[x].face;
-            if (spsi_visibility_find(view, last) < view->count) continue;
-            if (view->count == SPSI_VISIBILITY_FACES) return 0;
-            view->face[view->count++] = last;
-        }
-    }
-    return 1;
-}
-
-/* Visible side of a face: 1: its normal's, -1: the other; 0: some rays graze it, with round-off beyond a box's
-   margin. */
-static int spsi_visibility_side(const spsi_rays *eye, const spsi_visibility_view *view, const double plane[3]) {
-    int front = 0, back = 0;
-    for (int i = 0; i < 4; ++i) {
-        double ray[3], facing, graze;
-        spsi_ray_direction(eye, i & 1 ? view->x1 : view->x0, i & 2 ? view->y1 : view->y0, ray);
-        facing = spsi_dot(plane, ray);
-        graze = 1e-3 * spsi_length(plane) * spsi_length(ray);
-        front += facing < -graze;
-        back += facing > graze;
-    }
-    return (front == 4) - (back == 4);
-}
-
-/* Returns 1 if a face faces a point of the light, 0 if it does not. -1: uncertain, or not flat, so that rays may begin
-   elsewhere. */
-static int spsi_visibility_faces(const spsi_visibility_job *job, const spsi_visibility_view *view,
-                                 const spsi_face *face, const spsi_light *point) {
-    double plane[3], normal[3];
-    int side, lit = 0, dark = 0;
-    spsi_face_plane(face, plane);
-    side = spsi_visibility_side(&job->frame->content->eye, view, plane);
-    if (side == 0 || !spsi_face_is_flat(face)) return -1;
-    for (int i = 0; i < 3; ++i) normal[i] = (double)face->normal[0][i];
-    if (spsi_dot(normal, plane) < 0) side = -side;
-    for (int corner = 0; corner < 3; ++corner) {
-        double toward[3], cosine;
-        spsi_toward_light(point, face->position[corner], toward);
-        cosine = side * spsi_dot(normal, toward);
-        lit += cosine > 1e-6 * spsi_length(toward);
-        dark += cosine < -1e-6 * spsi_length(toward);
-    }
-    return lit == 3 ? 1 : dark == 3 ? 0 : -1;
-}
-
-/* Shaft from a tile to a point of the light, at most as far as polygons reach. */
-static void spsi_visibility_shaft(const spsi_visibility_job *job, const spsi_visibility_view *view,
-                                  const spsi_light *point, spsi_shaft *shaft) {
-    const spsi_rays *eye = &job->frame->content->eye;
-    const double room = 1e-6 * spsi_dmax(fabs((double)view->low), fabs((double)view->high));
-    spsi_bounds from = spsi_nowhere, to;
-    for (int i = 0; i < 8; ++i) {
-        const double t = (i & 4 ? (double)view->high + room : (double)view->low - room) + eye->depth_reference;
-        double corner[3];
-        spsi_ray_point(eye, i & 1 ? view->x1 : view->x0, i & 2 ? view->y1 : view->y0, t, corner);
-        spsi_bounds_add(&from, corner);
-    }
-    for (int k = 0; k < 3; ++k) {
-        const double way = -4 * spsi_faces_reach(job->faces) * point->direction[k];
-        to.low[k] = point->is_point ? point->position[k] : from.low[k] + way;
-        to.high[k] = point->is_point ? point->position[k] : from.high[k] + way;
-    }
-    spsi_shaft_build(job->faces, &from, &to, shaft);
-}
-
-/* Counts the point for faces that it lights. */
-static int spsi_visibility_is_clear(const spsi_visibility_job *job, const spsi_light *point,
-                                    spsi_visibility_view *view) {
-    int lit[SPSI_VISIBILITY_FACES], count = 0;
-    spsi_shaft shaft;
-    for (int i = 0; i < view->count; ++i) {
-        const int faces = spsi_visibility_faces(job, view, &job->faces->list[view->face[i]], point);
-        if (faces < 0) return 0;
-        view->points[i] += faces;
-        if (faces) lit[count++] = view->face[i];
-    }
-    if (count == 0) return 1;
-    spsi_visibility_shaft(job, view, point, &shaft);
-    return spsi_shaft_is_clear(job->faces, &shaft, lit, count, NULL, 0);
-}
-
-/* Lights a tile without rays if it shows few flat polygons and none can block their light; otherwise returns 0. The
-   whole tile decides, whatever the region. Black texels of cookies count as shadow, so cookies need rays. */
-static int spsi_visibility_open(const spsi_visibility_job *job, int x0, int y0, int worker) {
-    const int width = job->frame->content->eye.width, *region = job->frame->view.region;
-    const int channels = spsi_lit_channels(job->frame, job->light),
-              x1 = spsi_imin(x0 + SPSI_VISIBILITY_TILE, width) - 1;
-    const size_t pitch = (size_t)job->light->point_count;
-    const int y1 = spsi_imin(y0 + SPSI_VISIBILITY_TILE, job->frame->content->eye.height) - 1;
-    spsi_visibility_view view = {x0, y0, x1, y1, {0}, 0, {0}, 0, 0};
-    if (job->light->projection.exists || !spsi_visibility_list(job, &view)) return 0;
-    for (int i = 0; i < job->light->point_count && view.count > 0; ++i)
-        if (!spsi_visibility_is_clear(job, &job->light->points[i], &view)) return 0;
-    for (int y = spsi_imax(y0, region[1]); y <= spsi_imin(y1, region[1] + region[3] - 1); ++y)
-        for (int x = spsi_imax(x0, region[0]); x <= spsi_imin(x1, region[0] + region[2] - 1); ++x) {
-            const size_t index = (size_t)y * (size_t)width + (size_t)x;
-            const int face = job->visible->hits[index].face;
-            const int points = face < 0 ? 0 : view.points[spsi_visibility_find(&view, face)];
-            job->rays[worker] += (uint64_t)points;
-            for (int c = 0; c < channels; ++c)
-                job->lit[(size_t)channels * index + (size_t)c] = points > 0 ? 1.0f : 0.0f;
-            if (job->open) memset(job->open + index * pitch, 255, pitch);
-        }
-    return 1;
 }
 
 /* Blocks are aligned to the image, not to the region: within round-off, a packet's rays decide which faces are
@@ -21162,10 +20953,9 @@ static void spsi_visibility_task(void *data, int index, int worker) {
     const int columns = spsi_visibility_tiles(region[0], region[2]);
     const int x0 = (region[0] / SPSI_VISIBILITY_TILE + index % columns) * SPSI_VISIBILITY_TILE;
     const int y0 = (region[1] / SPSI_VISIBILITY_TILE + index / columns) * SPSI_VISIBILITY_TILE;
-    if (spsi_visibility_open(job, x0, y0, worker)) return;
     for (int y = y0; y < y0 + SPSI_VISIBILITY_TILE; y += SPSI_VISIBILITY_BLOCK)
         for (int x = x0; x < x0 + SPSI_VISIBILITY_TILE; x += SPSI_VISIBILITY_BLOCK)
-            job->rays[worker] += (uint64_t)spsi_visibility_block(job, x, y);
+            spsi_visibility_block(job, worker, x, y);
 }
 
 /* An exact ray per point of the light, with equal points for all pixels. Noise is worse than steps in the penumbra: no
@@ -21174,10 +20964,10 @@ SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, co
                                const spsi_visible *visible, const spsi_shadow *shadow, uint64_t *rays) {
     const int *region = frame->view.region;
     const double start = spsi_clock(context);
-    const size_t points = spsi_shading_point_count(frame, visible);
-    spsi_visibility_job job = {frame, faces, visible, shadow->light, shadow->lit, shadow->open, rays};
-    memset(job.lit, 0, points * (size_t)spsi_lit_channels(frame, job.light) * sizeof *job.lit);
-    if (job.open) memset(job.open, 0, points * (size_t)job.light->point_count);
+    const size_t values = spsi_shading_point_count(frame, visible) *
+                          (size_t)spsi_visibility_values(frame, shadow->light);
+    spsi_visibility_job job = {frame, faces, visible, shadow->light, shadow->open, rays};
+    memset(job.open, 0, values * sizeof *job.open);
     memset(job.rays, 0, (size_t)spsi_worker_count(context) * sizeof *rays);
     spsi_parallel(context, spsi_visibility_tiles(region[0], region[2]) * spsi_visibility_tiles(region[1], region[3]),
                   spsi_visibility_task, &job);
@@ -21523,97 +21313,30 @@ static void spsi_add_spread_on(const spsi_shader *shader, const spsi_shadow *sha
    Positions are doubles. Cosines, distances in units, transmittance and colors are floats, within 1e-6 of the reflected
    light. */
 
-typedef struct spsi_facet {
-    int number;
-    double corner[3], plane[3]; /* first corner, and normal */
-    int flat;                   /* 1: one normal for the whole face */
-    float normal[3], turn;      /* unit vector; turn: 1: on the plane's side, -1: on the other */
-    int plain;                  /* 1: all corners have this albedo */
-    float albedo[3];
-} spsi_facet;
-
 typedef struct spsi_surfaces {
     spsi_shading_point place[SPSI_LANES];
-    spsi_facet facet;             /* the last place's */
-    spsi_intersections meetings;
     spsi_points points;
-    float normal[3][SPSI_LANES], turn[SPSI_LANES]; /* unit vectors; turn: a facet's, before they face the eye */
+    float pixel[SPSI_LANES];     /* world size */
+    float normal[3][SPSI_LANES]; /* unit vectors that face the eye */
     float albedo[3][SPSI_LANES], emission[3][SPSI_LANES];
     float radiance[3][SPSI_LANES]; /* towards the eye; 0 in other lanes */
 } spsi_surfaces;
 
-static void spsi_surfaces_begin(spsi_surfaces *list) {
-    list->meetings.lanes = 0;
-    list->facet.number = -1;
-    memset((char *)list + offsetof(spsi_surfaces, normal), 0, sizeof *list - offsetof(spsi_surfaces, normal));
-}
-
-static void spsi_normal_set(const double normal[3], spsi_facet *facet) {
-    const double size = spsi_length(normal);
-    for (int i = 0; i < 3; ++i) facet->normal[i] = size > 0 ? (float)(normal[i] / size) : 0;
-    facet->turn = spsi_dot(normal, facet->plane) < 0 ? -1.0f : 1.0f;
-}
-
-static void spsi_facet_build(const spsi_faces *faces, int number, spsi_facet *facet) {
-    const spsi_face *face = &faces->list[number];
-    double normal[3];
-    facet->number = number;
-    facet->flat = spsi_face_is_flat(face);
-    facet->plain = memcmp(face->color[0], face->color[1], sizeof face->color[0]) == 0 &&
-                   memcmp(face->color[0], face->color[2], sizeof face->color[0]) == 0;
-    memcpy(facet->corner, face->position[0], sizeof facet->corner);
-    memcpy(facet->albedo, face->color[0], sizeof facet->albedo);
-    spsi_face_plane(face, facet->plane);
-    for (int i = 0; i < 3; ++i) normal[i] = (double)face->normal[0][i];
-    spsi_normal_set(normal, facet);
-}
-
 static void spsi_surfaces_add(const spsi_shader *shader, int n, spsi_surfaces *list) {
     const spsi_shading_point *place = &list->place[n];
-    const sps_surface *set = spsi_surface_set(shader->frame, shader->visible->set, place);
-    const spsi_face *face = &shader->faces->list[place->hit->face];
-    spsi_facet *facet = &list->facet;
-    spsi_intersections *meetings = &list->meetings;
+    spsi_surface surface;
     spsi_appearance look;
-    if (facet->number != place->hit->face) spsi_facet_build(shader->faces, place->hit->face, facet);
-    if (!facet->flat) {
-        double normal[3];
-        spsi_face_normal(face, place->hit, facet->plane, normal);
-        spsi_normal_set(normal, facet);
-    }
-    meetings->lanes |= 1 << n;
-    meetings->x[n] = place->at[0];
-    meetings->y[n] = place->at[1];
-    meetings->t[n] = (double)place->hit->depth + shader->eye->depth_reference;
+    spsi_surface_at(shader->eye, shader->faces, place->hit, place->at[0], place->at[1], &surface);
+    spsi_appearance_at(shader->faces, place->hit, spsi_surface_set(shader->frame, shader->visible->set, place), &look);
+    spsi_normalise(surface.normal);
+    list->points.lanes |= 1 << n;
+    list->pixel[n] = (float)surface.pixel;
     for (int i = 0; i < 3; ++i) {
-        meetings->corner[i][n] = facet->corner[i];
-        meetings->plane[i][n] = facet->plane[i];
-        list->normal[i][n] = facet->normal[i];
-        list->albedo[i][n] = facet->albedo[i];
-    }
-    list->turn[n] = facet->turn;
-    if (facet->plain && !set) return;
-    spsi_appearance_at(shader->faces, place->hit, set, &look);
-    for (int i = 0; i < 3; ++i) {
+        list->points.at[i][n] = surface.point[i];
+        list->normal[i][n] = (float)surface.normal[i];
         list->albedo[i][n] = (float)look.color[i];
         list->emission[i][n] = look.emission[i];
     }
-}
-
-static void spsi_surfaces_place(const spsi_shader *shader, spsi_surfaces *list) {
-    double facing[SPSI_LANES];
-    spsi_intersections_fill(&list->meetings);
-    spsi_intersections_hit(shader->eye, &list->meetings, &list->points, facing);
-    for (int n = 0; n < SPSI_LANES; ++n) {
-        const float turn = facing[n] > 0 ? -list->turn[n] : list->turn[n];
-        for (int i = 0; i < 3; ++i) list->normal[i][n] *= turn;
-    }
-}
-
-static spsi_v spsi_surfaces_pixels(const spsi_shader *shader, const spsi_surfaces *list) {
-    float pixel[SPSI_LANES];
-    for (int n = 0; n < SPSI_LANES; ++n) pixel[n] = (float)spsi_pixel_size_at(shader->eye, list->meetings.t[n]);
-    return spsi_load(pixel);
 }
 
 /* Power of two near the light's largest distance: squares stay in range. */
@@ -21667,85 +21390,68 @@ static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_light 
     if (point->cone.exists || point->projection.exists) spsi_surfaces_places(list, point, place);
     if (point->cone.exists) share = spsi_mul(share, spsi_cone_fraction(&point->cone, spsi_versine_v(place)));
     if (point->projection.exists)
-        spsi_projection_lookup(shader->frame, point, place, spsi_surfaces_pixels(shader, list), image);
+        spsi_projection_lookup(shader->frame, point, place, spsi_load(list->pixel), image);
     for (int c = 0; c < 3; ++c) irradiance[c] = spsi_fma(share, image[c], irradiance[c]);
 }
 
-/* Returns 0 if none is lit. */
-static int spsi_surfaces_lit(const spsi_frame *frame, const spsi_shadow *shadow, const spsi_surfaces *list,
-                             spsi_v lit[3]) {
-    const size_t channels = (size_t)spsi_lit_channels(frame, shadow->light);
+/* Transmittance of polygons from a point of the light. Returns the mask of lanes that it reaches. */
+static int spsi_surfaces_open(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_surfaces *list, int point,
+                              spsi_v open[3]) {
+    const int channels = spsi_visibility_channels(shader->frame);
     float lanes[3][SPSI_LANES] = {{0}};
-    int any = 0;
+    int reached = 0;
     for (int n = 0; list->points.lanes >> n; ++n) {
-        const float *found;
+        const size_t place = list->place[n].index * (size_t)shadow->light->point_count + (size_t)point;
         if (!(list->points.lanes >> n & 1)) continue;
-        found = shadow->lit + list->place[n].index * channels;
-        for (size_t c = 0; c < channels; ++c) lanes[c][n] = found[c], any |= found[c] > 0;
+        for (int c = 0; c < 3; ++c) {
+            lanes[c][n] = shadow->open[place * (size_t)channels + (size_t)(c % channels)];
+            reached |= (lanes[c][n] > 0) << n;
+        }
     }
-    for (size_t c = 0; c < 3; ++c) lit[c] = spsi_load(lanes[channels == 3 ? c : 0]);
-    return any;
+    for (int c = 0; c < 3; ++c) open[c] = spsi_load(lanes[c]);
+    return reached;
 }
 
-static spsi_v spsi_surfaces_depth(const spsi_shadow *shadow, const spsi_surfaces *list, int n, spsi_v weight) {
+static spsi_v spsi_surfaces_depth(const spsi_shadow *shadow, const spsi_surfaces *list, int point, int reached) {
     const spsi_penumbra *penumbra = &shadow->sliced->penumbra;
     float lanes[SPSI_LANES] = {0};
-    const int lit = spsi_bits(spsi_less(spsi_set(0), weight)) & list->points.lanes;
-    for (int lane = 0; lit >> lane; ++lane) {
-        double point[3];
-        spsi_points_get(&list->points, lane, point);
-        if (lit >> lane & 1) lanes[lane] = (float)spsi_beam_depth_at(penumbra, &penumbra->beams[n], point);
+    for (int n = 0; reached >> n; ++n) {
+        double at[3];
+        spsi_points_get(&list->points, n, at);
+        if (reached >> n & 1) lanes[n] = (float)spsi_beam_depth_at(penumbra, &penumbra->beams[point], at);
     }
     return spsi_load(lanes);
 }
 
-/* The light's points are weighted by their irradiance after polygons. */
-static void spsi_surfaces_attenuate_soft(const spsi_shader *shader, const spsi_shadow *shadow,
-                                         const spsi_surfaces *list, spsi_v lit[3]) {
-    const spsi_light *light = shadow->light;
-    const double unit = spsi_surfaces_unit(light, list);
-    spsi_v all = spsi_set(FLT_MIN), sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
-    for (int i = 0; i < light->point_count; ++i) {
-        spsi_v irradiance[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, weight, depth;
-        float open[SPSI_LANES] = {0};
-        for (int n = 0; list->points.lanes >> n; ++n)
-            if (list->points.lanes >> n & 1)
-                open[n] = shadow->open[list->place[n].index * (size_t)light->point_count + (size_t)i];
-        spsi_surfaces_add_point(shader, &light->points[i], list, unit, irradiance);
-        weight = spsi_add(irradiance[0], spsi_add(irradiance[1], irradiance[2]));
-        weight = spsi_mul(weight, spsi_mul(spsi_load(open), spsi_load(open)));
-        if (!spsi_bits(spsi_less(spsi_set(0), weight))) continue;
-        depth = spsi_surfaces_depth(shadow, list, i, weight);
-        all = spsi_add(all, weight);
-        for (int c = 0; c < 3; ++c)
-            sum[c] = spsi_fma(weight, spsi_straight_passes(shader->frame, light, c, depth, &list->points), sum[c]);
-    }
-    for (int c = 0; c < 3; ++c) lit[c] = spsi_mul(lit[c], spsi_div(sum[c], all));
-}
-
-static void spsi_surfaces_attenuate(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_surfaces *list,
-                                    spsi_v lit[3]) {
-    float lanes[SPSI_LANES];
-    if (shadow->soft) {
-        spsi_surfaces_attenuate_soft(shader, shadow, list, lit);
-        return;
-    }
-    spsi_shadow_surfaces(shadow, shader->first_slab, &list->points, lanes);
-    for (int c = 0; c < 3; ++c)
-        lit[c] =
-            spsi_mul(lit[c], spsi_straight_passes(shader->frame, shadow->light, c, spsi_load(lanes), &list->points));
-}
-
-static void spsi_surfaces_add_light(const spsi_shader *shader, const spsi_light *light, const spsi_v lit[3],
+/* Adds direct light. `shadow` NULL: nothing is in the way. Optical depths are those of the light's centre, or with soft
+   shadows those of its points. */
+static void spsi_surfaces_add_light(const spsi_shader *shader, const spsi_light *light, const spsi_shadow *shadow,
                                     spsi_surfaces *list) {
     const double unit = spsi_surfaces_unit(light, list), scale = light->falls_off ? 1 / (unit * unit) : 1;
-    spsi_v irradiance[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
-    for (int i = 0; i < light->point_count; ++i)
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    spsi_v sum[3] = {zero, zero, zero}, depth = zero;
+    int known = !shadow, reached = list->points.lanes;
+    for (int i = 0; i < light->point_count; ++i) {
+        spsi_v irradiance[3] = {zero, zero, zero}, open[3] = {one, one, one};
+        if (shadow) reached = spsi_surfaces_open(shader, shadow, list, i, open);
+        if (!reached) continue;
         spsi_surfaces_add_point(shader, &light->points[i], list, unit, irradiance);
+        if (shadow && shadow->soft) depth = spsi_surfaces_depth(shadow, list, i, reached);
+        if (!known && !shadow->soft) {
+            float lanes[SPSI_LANES];
+            spsi_shadow_surfaces(shadow, shader->first_slab, &list->points, lanes);
+            depth = spsi_load(lanes), known = 1;
+        }
+        for (int c = 0; c < 3; ++c) {
+            if (shadow)
+                open[c] = spsi_mul(open[c], spsi_straight_passes(shader->frame, light, c, depth, &list->points));
+            sum[c] = spsi_fma(irradiance[c], open[c], sum[c]);
+        }
+    }
     for (int c = 0; c < 3; ++c) {
         const double color = (double)light->color[c] * scale / (SPSI_PI * light->point_count);
-        const spsi_v share = spsi_mul(spsi_mul(irradiance[c], lit[c]), spsi_load(list->albedo[c]));
-        const spsi_v sent = spsi_mul(share, spsi_set((float)spsi_dmin(color, (double)FLT_MAX)));
+        const spsi_v sent = spsi_mul(spsi_mul(sum[c], spsi_load(list->albedo[c])),
+                                     spsi_set((float)spsi_dmin(color, (double)FLT_MAX)));
         spsi_store(list->radiance[c],
                    spsi_add(spsi_load(list->radiance[c]), spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX))));
     }
@@ -21769,8 +21475,10 @@ static void spsi_surfaces_add_scattered(const spsi_shader *shader, const spsi_sh
 
 static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) {
     const spsi_frame *frame = shader->frame;
-    if (!list->meetings.lanes) return;
-    spsi_surfaces_place(shader, list);
+    if (!list->points.lanes) return;
+    for (int n = 0; n < SPSI_LANES; ++n) /* unused lanes repeat another */
+        for (int i = 0; i < 3 && !(list->points.lanes >> n & 1); ++i)
+            list->points.at[i][n] = list->points.at[i][spsi_lowest_bit(list->points.lanes)];
     for (int c = 0; c < 3 && shader->sweep->first; ++c)
         spsi_store(list->radiance[c], spsi_fma(spsi_load(list->albedo[c]), spsi_set(frame->given.ambient[c]),
                                                spsi_load(list->emission[c])));
@@ -21778,11 +21486,8 @@ static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) 
     for (int i = 0; i < frame->lights.count; ++i) {
         const spsi_light *light = &frame->lights.list[i];
         const spsi_shadow *shadow = spsi_shadow_of(shader, light);
-        spsi_v lit[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
         if (shadow && shadow->spread) spsi_surfaces_add_scattered(shader, shadow, list);
-        if (shadow ? !spsi_surfaces_lit(frame, shadow, list, lit) : !shader->sweep->first || light->shadows) continue;
-        if (shadow) spsi_surfaces_attenuate(shader, shadow, list, lit);
-        spsi_surfaces_add_light(shader, light, lit, list);
+        if (shadow || (shader->sweep->first && !light->shadows)) spsi_surfaces_add_light(shader, light, shadow, list);
     }
 }
 
@@ -21897,7 +21602,7 @@ static void spsi_add_layers(const spsi_shader *shader, int bits, spsi_row *row) 
     const spsi_v open = backwards ? spsi_set(1) : spsi_exp(spsi_sub(spsi_set(0), before));
     float sent[3][SPSI_LANES] = {{0}}, covered[SPSI_LANES] = {0}, opaque[SPSI_LANES] = {0};
     spsi_surfaces list;
-    spsi_surfaces_begin(&list);
+    memset(&list, 0, sizeof list);
     for (int lane = 0; bits >> lane; ++lane) {
         if (!(bits >> lane & 1)) continue;
         spsi_shading_point_of_layer(shader->frame, shader->visible, spsi_pending_next(shader, ahead, lane),
@@ -21931,7 +21636,7 @@ static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, 
     spsi_surfaces list;
     if (!bits || shader->again.measures) return;
     spsi_v open = spsi_exp(spsi_sub(spsi_set(0), row->sum.depth));
-    spsi_surfaces_begin(&list);
+    memset(&list, 0, sizeof list);
     for (int i = 0; i < row->width; ++i) {
         if (!(bits >> i & 1)) continue;
         spsi_shading_point_of_pixel(shader->frame, shader->visible, p->line.x + i, p->line.y, &list.place[i]);
@@ -25615,10 +25320,10 @@ SPSI_COLD sps_result spsi_sweep_once(sps_context *context, const spsi_picture *p
     return SPS_OK;
 }
 
-/* Counters of workers, and results of shadow rays: `shares` per place. */
-static uint64_t *spsi_visibility_reserve(sps_context *context, size_t places, int shares) {
+/* Counters of workers, and results of shadow rays: `values` per place. */
+static uint64_t *spsi_visibility_reserve(sps_context *context, size_t places, int values) {
     size_t bytes = (size_t)spsi_worker_count(context) * sizeof(uint64_t);
-    spsi_bytes_add(&bytes, places, (size_t)spsi_imax(1, shares) * sizeof(float));
+    spsi_bytes_add(&bytes, places, (size_t)spsi_imax(1, values) * sizeof(float));
     return (uint64_t *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, 1, bytes);
 }
 
@@ -25627,7 +25332,7 @@ SPSI_COLD sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *
     const spsi_frame *frame = picture->frame;
     const int count = spsi_sweep_shadow_count(frame, n);
     const size_t places = spsi_shading_point_count(frame, &picture->visible);
-    int shares = 0;
+    int values = 0;
     spsi_shadow *shadow = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *shadow);
     if (!shadow) return context->result;
     memset(shadow, 0, (size_t)count * sizeof *shadow);
@@ -25643,17 +25348,14 @@ SPSI_COLD sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *
         ++shadow;
     }
     if (!picture->visible.hits || count == 0) return SPS_OK;
-    for (int i = 0; i < count; ++i)
-        shares += spsi_visibility_floats(frame, picture->shadows[i].light, picture->shadows[i].soft);
-    uint64_t *rays = spsi_visibility_reserve(context, places, shares);
+    for (int i = 0; i < count; ++i) values += spsi_visibility_values(frame, picture->shadows[i].light);
+    uint64_t *rays = spsi_visibility_reserve(context, places, values);
     if (!rays) return context->result;
-    float *lit = (float *)(void *)(rays + spsi_worker_count(context));
+    float *open = (float *)(void *)(rays + spsi_worker_count(context));
     for (shadow = picture->shadows; shadow < picture->shadows + count; ++shadow) {
-        unsigned char *open = (unsigned char *)(lit + places * (size_t)spsi_lit_channels(frame, shadow->light));
-        shadow->lit = lit;
-        shadow->open = shadow->soft ? open : NULL;
+        shadow->open = open;
         spsi_visibility(context, frame, &picture->faces, &picture->visible, shadow, rays);
-        lit += places * (size_t)spsi_visibility_floats(frame, shadow->light, shadow->soft);
+        open += places * (size_t)spsi_visibility_values(frame, shadow->light);
     }
     return SPS_OK;
 }
@@ -26169,7 +25871,7 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
 static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
     const size_t pixels = spsi_ray_count(&frame->content->eye), triangles = frame->meshes.triangle_count;
     size_t lights = (size_t)spsi_plan_shadow_count(frame, 0); /* at once */
-    int shares = (int)lights;
+    int values = (int)lights;
     spsi_face_lists lists;
     spsi_faces faces;
     spsi_visible visible;
@@ -26191,7 +25893,7 @@ static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *fram
     spsi_plan_take(context, report, SPS_PASS_TRIANGLE_TREE);
     for (int i = 0; i < frame->lights.count; ++i) {
         const spsi_light *light = &frame->lights.list[i];
-        shares += spsi_plan_tables(frame, light) * spsi_visibility_floats(frame, light, light->extent.exists) - 1;
+        values += spsi_plan_tables(frame, light) * spsi_visibility_values(frame, light) - 1;
         lights += (size_t)spsi_plan_tables(frame, light) - 1;
     }
     if (spsi_uses_cells(frame)) lights = (size_t)spsi_imax((int)lights, frame->lights.shadow_count); /* for cells */
@@ -26200,7 +25902,7 @@ static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *fram
         spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, lights,
                      spsi_depth_map_floats_most((size_t)spsi_depth_map_size(frame)) * sizeof(float));
     spsi_plan_take(context, report, SPS_PASS_LIGHT_POLYGONS);
-    spsi_visibility_reserve(context, pixels, shares);
+    spsi_visibility_reserve(context, pixels, values);
     spsi_plan_take(context, report, SPS_PASS_SHADOW_RAYS);
 }
 

@@ -264,106 +264,6 @@ static void test_closed_body_is_tight(void) {
     if (!CHECK(leaks == 0)) printf("    %d of 40000 rays leave a closed body\n", leaks);
 }
 
-/* ---------------------------------------------------------------------------------- what needs no rays to be lit */
-
-enum { VIEW = 4 * SPSI_VISIBILITY_TILE - 5 };
-
-/* A ground, and boxes, lone triangles or a smooth globe on it, at a place far or near; seen and lit from anywhere
-   above. Some grounds reflect light by a normal that is not their own, or by different ones. */
-static void random_town(check_scene *s, check_random *random, int kind) {
-    const double size = pow(10, 3 * check_next(random) - 1);
-    const double globe[3] = {3 * check_next(random) - 1.5, 0.4, 3 * check_next(random) - 1.5};
-    sps_mesh *mesh;
-    double at[3];
-    start(s);
-    s->view.width = s->view.height = VIEW;
-    add_ground(kind % 5 == 0 ? 1e5 : 3);
-    for (int i = 0; i < 6; ++i)
-        for (int c = 0; c < 3; ++c)
-            ground.list[i / 3].normal[i % 3][c] = (float)(c == 1          ? 1
-                                                          : kind % 5 == 3 ? 6 * check_next(random) - 3
-                                                                          : 0.8 * c);
-    if (kind % 3 == 1) add_soup(random, 3, 1.5, 3);
-    for (int n = kind % 3 == 1 ? 0 : (int)(5 * check_next(random)); n > 0; --n) {
-        const double low[3] = {4 * check_next(random) - 2, n % 2 ? 0 : 0.3, 4 * check_next(random) - 2};
-        const double high[3] = {low[0] + check_next(random), low[1] + check_next(random), low[2] + check_next(random)};
-        add_box(&body, low, high);
-    }
-    if (kind % 3 == 0) add_globe(&body, globe, kind % 2 ? 0.3 : 1.5, kind % 2 ? 6 : 3);
-    for (int i = 0; i < 2; ++i) {
-        mesh = check_add_mesh(s, i ? &body : &ground, 0.5);
-        mesh->has_normals = i ? kind % 3 == 0 : kind % 5 == 2 || kind % 5 == 3;
-        mesh->placement = check_box(0, 0, 0, size, size, size);
-        if (kind % 4 == 0) check_set3(mesh->placement.origin, 70 * size, -20 * size, 1e3 * size);
-        if (i && kind % 7 == 0) check_translucent(mesh, 0.4);
-    }
-    for (int i = 0; i < 3; ++i) at[i] = mesh->placement.origin[i];
-    check_set3(s->view.camera.target, at[0], at[1], at[2]);
-    check_set3(s->view.camera.position, at[0] + size * (8 * check_next(random) - 4),
-               at[1] + size * (kind % 2 ? 4 : 0.8) * check_next(random), at[2] + size * (4 + check_next(random)));
-    if (kind % 6 == 1)
-        check_orthographic(&s->view.camera, 4 * size);
-    else
-        check_perspective(&s->view.camera, 0.6);
-    if (kind % 2) {
-        const double low = kind % 8 == 1 ? -0.05 : -1; /* grazing, or not */
-        sps_light *sun = check_add_directional(s, check_next(random) - 0.5, low, check_next(random) - 0.5, 3);
-        sun->angular_diameter = kind % 8 == 3 ? 0.1 : 0;
-    } else {
-        check_add_point(s, at[0] + size * (4 * check_next(random) - 2), at[1] + size * (3 * check_next(random) - 0.5),
-                        at[2] + size * (4 * check_next(random) - 2), 3);
-    }
-}
-
-/* Compares a tile with rays, if none are needed there. Returns whether they are not. */
-static int open_tile(const spsi_visibility_job *job, int x0, int y0, int *wrong) {
-    static float lit[3 * VIEW * VIEW];
-    const int channels = spsi_lit_channels(job->frame, job->light);
-    const size_t bytes = (size_t)(channels * VIEW * VIEW) * sizeof(float);
-    uint64_t rays;
-    job->rays[0] = 0;
-    if (!spsi_visibility_open(job, x0, y0, 0)) return 0;
-    rays = job->rays[0];
-    memcpy(lit, job->lit, bytes);
-    memset(job->lit, 0, bytes);
-    job->rays[0] = 0;
-    for (int y = y0; y < y0 + SPSI_VISIBILITY_TILE; y += SPSI_VISIBILITY_BLOCK)
-        for (int x = x0; x < x0 + SPSI_VISIBILITY_TILE; x += SPSI_VISIBILITY_BLOCK)
-            job->rays[0] += (uint64_t)spsi_visibility_block(job, x, y);
-    *wrong += memcmp(lit, job->lit, bytes) != 0 || rays != job->rays[0];
-    memset(job->lit, 0, bytes);
-    return rays > 0;
-}
-
-/* Tiles that no polygon can shade are as rays find them, to the bit, and count as many; and they are many. */
-static void test_tiles_without_rays(void) {
-    enum { TOWNS = 120 };
-    static float lit[3 * VIEW * VIEW];
-    check_random random = {31};
-    int open = 0, wrong = 0;
-    for (int kind = 0; kind < TOWNS; ++kind) {
-        uint64_t rays = 0;
-        spsi_faces faces;
-        spsi_visible visible;
-        spsi_visibility_job job;
-        spsi_frame *frame;
-        check_scene s;
-        random_town(&s, &random, kind);
-        frame = spsi_frame_build(context, &s.scene, &s.view, 0);
-        if (!CHECK(frame) || !CHECK_OK(context, spsi_gather_faces(context, frame, &faces))) return;
-        spsi_eye_reference(frame);
-        if (!CHECK_OK(context, spsi_faces_tree(context, &faces)) ||
-            !CHECK_OK(context, spsi_eye_polygons(context, frame, &faces, &visible)))
-            return;
-        memset(&job, 0, sizeof job), memset(lit, 0, sizeof lit);
-        job.frame = frame, job.faces = &faces, job.visible = &visible, job.light = &frame->lights.list[0];
-        job.lit = lit, job.rays = &rays;
-        for (int y = 0; y < VIEW; y += SPSI_VISIBILITY_TILE)
-            for (int x = 0; x < VIEW; x += SPSI_VISIBILITY_TILE) open += open_tile(&job, x, y, &wrong);
-    }
-    if (!CHECK(wrong == 0 && open > 2 * TOWNS)) printf("    %d of %d tiles wrong\n", wrong, open);
-}
-
 /* ------------------------------------------------------------------------------------------- pictures, at any scale */
 
 /* Pixels that differ by more than float round-off, of those whose ray passes no edge. */
@@ -666,7 +566,6 @@ int main(void) {
     RUN(test_tree_holds_all);
     RUN(test_tree_against_loops);
     RUN(test_closed_body_is_tight);
-    RUN(test_tiles_without_rays);
     RUN(test_ground_of_any_width);
     RUN(test_gas_over_ground);
     RUN(test_town);

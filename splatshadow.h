@@ -15183,8 +15183,8 @@ SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *
    slab. Planes store -log V.
          A_s(u) += sheet_k(x at k + 1/2),    V_k(x) = mean over s of exp(-A_s(u at k)).
    Layers between planes store the fraction of V that polygons stop: -log averages lit and dark planes badly. Cost: 3
-   bicubic lookups and an exponential per point, slab and occupied texel, 7 where polygons stop some. Memory: 4 bytes
-   per point and texel, 8 with polygons, and 256 per texel for layers. */
+   bicubic lookups and an exponential per point, slab and occupied texel, 6 where polygons stop some. Memory: 8 bytes
+   per point and texel, 12 with polygons, and 256 per texel for layers. */
 
 /* A rectangle of texels. */
 typedef struct spsi_area {
@@ -15227,8 +15227,11 @@ typedef struct spsi_beam {
     double shift[3]; /* d */
     spsi_linear slab;
     float *depth;      /* optical depth so far, per texel */
+    float *start;      /* optical depth at the chunk's first plane */
     float *stop;       /* slab coordinate of the first polygon; NULL: no polygons */
-    spsi_area crossed; /* possibly crossed, in the centre's texels */
+    float first_stop;  /* least `stop` */
+    spsi_area stops;   /* texels with polygons, and what cubics reach around */
+    spsi_area crossed; /* texels that may meet media or polygons so far, with offset x0, y0 */
 } spsi_beam;
 
 typedef struct spsi_penumbra {
@@ -15238,13 +15241,13 @@ typedef struct spsi_penumbra {
     float end; /* optical depth of early termination */
     spsi_beam *beams;
     int beam_count;
-    int first_slab; /* the sheets' chunk */
-    int pending;    /* 1: beams have yet to cross the sheets */
-    float *sheets;  /* mean extinction per slab, per texel */
-    float
-        *hidden; /* fraction of transmitted light stopped by polygons, per layer; NULL: no polygons */
-    uint64_t *held; /* per tile: occupied patches */
-    float *scratch; /* per worker */
+    int first_slab, plane; /* the sheets' chunk; the plane in work, counted from its first */
+    float *sheets;         /* mean extinction per slab, per texel */
+    float *hidden;         /* fraction of transmitted light stopped by polygons, per layer; NULL: no polygons */
+    float *const *planes;  /* results */
+    uint64_t *held;        /* per tile: occupied patches */
+    spsi_area *looked_up;  /* per tile: texels within reach of media */
+    float *scratch;        /* per worker: transmittance of a tile's texels; fraction stopped in a beam's */
     size_t scratch_floats;
 } spsi_penumbra;
 
@@ -15500,9 +15503,12 @@ static void spsi_beam_stop(sps_context *context, const spsi_faces *faces, spsi_b
             const float slope = beam->slab.slope[0] + (float)x * beam->slab.slope[1] + (float)y * beam->slab.slope[2];
             if (!(*stop < SPSI_INFINITY)) continue;
             *stop = base + slope * *stop;
-            at.x0 = at.x1 = beam->x0 + x, at.y0 = at.y1 = beam->y0 + y;
-            beam->crossed = spsi_area_join(beam->crossed, at);
+            beam->first_stop = spsi_fmin(beam->first_stop, *stop);
+            at.x0 = beam->x0 + x - 3, at.y0 = beam->y0 + y - 3;
+            at.x1 = at.x0 + 6, at.y1 = at.y0 + 6;
+            beam->stops = spsi_area_join(beam->stops, at);
         }
+    beam->crossed = beam->stops;
 }
 
 static sps_result spsi_penumbra_open(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
@@ -15540,18 +15546,21 @@ static uint64_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra 
     size_t most = 0;
     /* first: strictest alignment */
     penumbra->held = (uint64_t *)(void *)spsi_lay(memory, &laid, 2 * tiles);
+    penumbra->looked_up = (spsi_area *)(void *)spsi_lay(memory, &laid, 4 * tiles);
     for (int i = 0; i < penumbra->beam_count; ++i) {
         spsi_beam *beam = &penumbra->beams[i];
         const size_t texels = spsi_ray_count(&beam->rays);
         beam->depth = spsi_lay(memory, &laid, texels);
+        beam->start = spsi_lay(memory, &laid, texels);
         beam->stop = has_polygons ? spsi_lay(memory, &laid, texels) : NULL;
-        beam->crossed = spsi_area_none();
+        beam->first_stop = SPSI_INFINITY;
+        beam->crossed = beam->stops = spsi_area_none();
         most = texels > most ? texels : most;
     }
     penumbra->sheets = spsi_lay(memory, &laid, sheets);
     penumbra->hidden = has_polygons ? spsi_lay(memory, &laid, SPSI_SUBSLABS * sheets) : NULL;
     if (memory) memset(memory, 0, (size_t)laid * sizeof *memory);
-    penumbra->scratch_floats = 3 * most + SPSI_LANES + 2 * SPSI_BEAM_TILE; /* lengths are stored in whole vectors */
+    penumbra->scratch_floats = SPSI_BEAM_TILE + most;
     penumbra->scratch = spsi_lay(memory, &laid, (uint64_t)spsi_worker_count(context) * penumbra->scratch_floats);
     return laid;
 }
@@ -15614,19 +15623,6 @@ static void spsi_penumbra_clear(const spsi_penumbra *penumbra, int index) {
                    (size_t)(tile.x1 - tile.x0 + 1) * sizeof(float));
 }
 
-/* A beam's texels that reach a tile. */
-typedef struct spsi_beam_part {
-    const spsi_beam *beam;
-    spsi_area area;
-    int width, height;
-    float *depth;
-    float *stopped; /* fraction stopped by polygons in a layer */
-    float *lengths; /* world length per slab */
-    spsi_area stops; /* where polygons stop light within the chunk */
-    float *passes;  /* per texel of the tile: transmittance at the last plane */
-    float *weight;  /* likewise: its mean over the last slab */
-} spsi_beam_part;
-
 static spsi_area spsi_beam_area(const spsi_beam *beam) {
     const spsi_area area = {beam->x0, beam->y0, beam->x0 + beam->rays.width - 1, beam->y0 + beam->rays.height - 1};
     return area;
@@ -15646,28 +15642,16 @@ static int spsi_penumbra_holds(const spsi_penumbra *penumbra, spsi_area area) {
 }
 
 /* Planes are computed only within two texels of media, the reach of cubic lookups. */
-typedef struct spsi_lookups {
-    spsi_area bounds;
-    spsi_area rows[SPSI_TILE_HEIGHT / SPSI_PATCH]; /* per row of patches */
-    uint64_t layers;                               /* bit mask of layers with stopped light */
-} spsi_lookups;
-
-static void spsi_lookups_find(const spsi_penumbra *penumbra, int index, spsi_lookups *lookups) {
+static spsi_area spsi_penumbra_reach(const spsi_penumbra *penumbra, int index) {
     const spsi_area tile = spsi_tile_area(penumbra, index);
-    lookups->bounds = spsi_area_none();
-    lookups->layers = 0;
-    for (int row = 0; row < SPSI_TILE_HEIGHT / SPSI_PATCH; ++row) {
-        lookups->rows[row] = spsi_area_none();
-        for (int column = 0; column < SPSI_TILE_WIDTH / SPSI_PATCH; ++column) {
-            const int x = tile.x0 + column * SPSI_PATCH, y = tile.y0 + row * SPSI_PATCH;
+    spsi_area reach = spsi_area_none();
+    for (int y = tile.y0; y <= tile.y1; y += SPSI_PATCH)
+        for (int x = tile.x0; x <= tile.x1; x += SPSI_PATCH) {
             const spsi_area patch = {x, y, x + SPSI_PATCH - 1, y + SPSI_PATCH - 1};
             const spsi_area around = {x - 2, y - 2, x + SPSI_PATCH + 1, y + SPSI_PATCH + 1};
-            const spsi_area inside = spsi_area_meet(patch, tile);
-            if (!spsi_area_empty(inside) && spsi_penumbra_holds(penumbra, around))
-                lookups->rows[row] = spsi_area_join(lookups->rows[row], inside);
+            if (spsi_penumbra_holds(penumbra, around)) reach = spsi_area_join(reach, spsi_area_meet(patch, tile));
         }
-        lookups->bounds = spsi_area_join(lookups->bounds, lookups->rows[row]);
-    }
+    return reach;
 }
 
 /* World length per slab. */
@@ -15683,46 +15667,18 @@ static void spsi_beam_lengths(const spsi_beam *beam, int x0, int y, int count, f
                                                   (float)(y - beam->y0)));
 }
 
-static void spsi_beam_cross(const spsi_penumbra *penumbra, const spsi_slide *slide, int k, const spsi_texel_row *row) {
-    const spsi_rays *rays = penumbra->rays;
-    const spsi_texel_grid sheet = {penumbra->sheets + (size_t)k * spsi_ray_count(rays), 0, 0, rays->width,
-                                   rays->height};
-    spsi_row_add(&sheet, slide, row);
-}
-
-static void spsi_beam_part_load(const spsi_beam *beam, spsi_area area, float *memory, spsi_beam_part *part) {
-    const size_t width = (size_t)beam->rays.width;
-    part->beam = beam;
-    part->area = area;
-    part->width = area.x1 - area.x0 + 1;
-    part->height = area.y1 - area.y0 + 1;
-    const size_t texels = (size_t)part->width * (size_t)part->height;
-    part->depth = memory;
-    part->stopped = memory + texels;
-    part->passes = memory + 2 * texels; /* before `lengths`, stored in whole vectors */
-    part->weight = part->passes + SPSI_BEAM_TILE;
-    part->lengths = part->weight + SPSI_BEAM_TILE;
-    for (int y = 0; y < part->height; ++y) {
-        const size_t from = (size_t)(area.y0 + y - beam->y0) * width + (size_t)(area.x0 - beam->x0);
-        const size_t to = (size_t)y * (size_t)part->width;
-        memcpy(part->depth + to, beam->depth + from, (size_t)part->width * sizeof(float));
-        spsi_beam_lengths(beam, area.x0, area.y0 + y, part->width, part->lengths + to);
-    }
-}
-
-/* Stopped fraction in a layer. Returns bounds of nonzero texels. */
-static spsi_area spsi_beam_part_stop(const spsi_beam_part *part, float layer) {
-    const spsi_beam *beam = part->beam;
+/* Fraction of a layer's light that polygons stop, in a beam's texels of an area. Returns bounds of nonzero texels. */
+static spsi_area spsi_beam_stopped(const spsi_beam *beam, spsi_area area, float layer, float *stopped) {
+    const size_t width = (size_t)(area.x1 - area.x0 + 1);
     spsi_area any = spsi_area_none();
-    for (int y = part->stops.y0; y <= part->stops.y1; ++y)
-        for (int x = part->stops.x0; x <= part->stops.x1; x += SPSI_LANES) {
-            const int some = spsi_imin(SPSI_LANES, part->stops.x1 - x + 1);
+    for (int y = area.y0; y <= area.y1; ++y)
+        for (int x = area.x0; x <= area.x1; x += SPSI_LANES) {
+            const int some = spsi_imin(SPSI_LANES, area.x1 - x + 1);
             const spsi_area here = {x, y, x + some - 1, y};
             const size_t from = (size_t)(y - beam->y0) * (size_t)beam->rays.width + (size_t)(x - beam->x0);
-            const size_t to = (size_t)(y - part->area.y0) * (size_t)part->width + (size_t)(x - part->area.x0);
             const spsi_v stop = spsi_mul(spsi_set(SPSI_SUBSLABS), spsi_load_first(beam->stop + from, some));
             const spsi_v share = spsi_clamp(spsi_sub(spsi_set(layer + 1), stop), spsi_set(0), spsi_set(1));
-            spsi_store_first(part->stopped + to, share, some);
+            spsi_store_first(stopped + (size_t)(y - area.y0) * width + (size_t)(x - area.x0), share, some);
             if (spsi_bits(spsi_less(spsi_set(0), share)) & (int)~(~0U << some)) any = spsi_area_join(any, here);
         }
     return any;
@@ -15732,95 +15688,85 @@ static spsi_area spsi_beam_part_stop(const spsi_beam_part *part, float layer) {
    far as forward scattering. */
 static float spsi_penumbra_whole(const spsi_penumbra *penumbra) { return penumbra->end > SPSI_LIGHT_END ? 0.0f : 1.0f; }
 
-/* Interpolates optical depth, which bends less than transmittance. */
-static void spsi_beam_add_row(const spsi_penumbra *penumbra, const spsi_beam_part *part, const spsi_slide *slide,
-                              const spsi_area *area, int y, float *plane) {
-    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), whole = spsi_set(spsi_penumbra_whole(penumbra));
-    const size_t at = (size_t)(y % SPSI_TILE_HEIGHT * SPSI_TILE_WIDTH + area->x0 % SPSI_TILE_WIDTH);
-    float depth[SPSI_TILE_WIDTH + SPSI_LANES] = {0}, *passes = part->passes + at, *weight = part->weight + at;
-    const spsi_texel_grid grid = {part->depth, part->area.x0, part->area.y0, part->width, part->height};
-    const spsi_texel_row row = {area->x0, y, area->x1 - area->x0 + 1, NULL, depth};
-    spsi_row_add(&grid, slide, &row);
-    for (int i = 0; i < row.count; i += SPSI_LANES) {
-        const int some = spsi_imin(SPSI_LANES, row.count - i);
+/* A row of a tile: its texels in the images of planes and layers, and in the tile. */
+typedef struct spsi_tile_row {
+    int x0, y, count;
+    size_t texel, own;
+} spsi_tile_row;
+
+static spsi_tile_row spsi_tile_row_at(const spsi_penumbra *penumbra, spsi_area area, int y) {
+    const size_t texel = (size_t)y * (size_t)penumbra->rays->width + (size_t)area.x0;
+    const spsi_tile_row row = {area.x0, y, area.x1 - area.x0 + 1, texel,
+                               (size_t)(y % SPSI_TILE_HEIGHT * SPSI_TILE_WIDTH + area.x0 % SPSI_TILE_WIDTH)};
+    return row;
+}
+
+/* Interpolates optical depth, which bends less than transmittance. `passes` receives transmittance. */
+static void spsi_beam_add_row(const spsi_penumbra *penumbra, const spsi_beam *beam, const spsi_slide *slide,
+                              const spsi_tile_row *row, float *passes) {
+    const spsi_v zero = spsi_set(0), whole = spsi_set(spsi_penumbra_whole(penumbra));
+    float depth[SPSI_TILE_WIDTH + SPSI_LANES] = {0}, *plane = penumbra->planes[penumbra->plane] + row->texel;
+    const spsi_texel_grid grid = {beam->depth, beam->x0, beam->y0, beam->rays.width, beam->rays.height};
+    const spsi_texel_row to = {row->x0, row->y, row->count, NULL, depth};
+    spsi_row_add(&grid, slide, &to);
+    for (int i = 0; i < row->count; i += SPSI_LANES) {
+        const int some = spsi_imin(SPSI_LANES, row->count - i);
         const spsi_v through = spsi_exp(spsi_sub(zero, spsi_max(zero, spsi_load(depth + i))));
-        const spsi_v lost = spsi_sub(whole, through);
-        spsi_store_first(plane + i, spsi_add(spsi_load_first(plane + i, some), lost), some);
-        if (spsi_area_empty(part->stops)) continue;
-        spsi_store_first(weight + i, spsi_mul(half, spsi_add(spsi_load_first(passes + i, some), through)), some);
-        spsi_store_first(passes + i, through, some);
+        spsi_store_first(plane + i, spsi_add(spsi_load_first(plane + i, some), spsi_sub(whole, through)), some);
+        spsi_store_first(passes + row->own + i, through, some);
     }
 }
 
-static void spsi_beam_hide_row(const spsi_beam_part *part, const spsi_slide *slide, const spsi_area *area, int y,
-                               float *layer) {
+static void spsi_beam_hide_row(const spsi_texel_grid *grid, const spsi_slide *slide, const spsi_tile_row *row,
+                               const float *passes, float *layer) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
-    const float *weight = part->weight + (y % SPSI_TILE_HEIGHT * SPSI_TILE_WIDTH + area->x0 % SPSI_TILE_WIDTH);
     float stopped[SPSI_TILE_WIDTH + SPSI_LANES] = {0};
-    const spsi_texel_grid grid = {part->stopped, part->area.x0, part->area.y0, part->width, part->height};
-    const spsi_texel_row row = {area->x0, y, area->x1 - area->x0 + 1, NULL, stopped};
-    spsi_row_add(&grid, slide, &row);
-    for (int i = 0; i < row.count; i += SPSI_LANES) {
-        const int some = spsi_imin(SPSI_LANES, row.count - i);
+    const spsi_texel_row to = {row->x0, row->y, row->count, NULL, stopped};
+    spsi_row_add(grid, slide, &to);
+    for (int i = 0; i < row->count; i += SPSI_LANES) {
+        const int some = spsi_imin(SPSI_LANES, row->count - i);
         const spsi_v share = spsi_clamp(spsi_load(stopped + i), zero, one); /* cubics overshoot */
-        const spsi_v sum = spsi_fma(share, spsi_load_first(weight + i, some), spsi_load_first(layer + i, some));
-        spsi_store_first(layer + i, sum, some);
+        const spsi_v through = spsi_load_first(passes + row->own + i, some);
+        spsi_store_first(layer + i, spsi_fma(share, through, spsi_load_first(layer + i, some)), some);
     }
 }
 
-static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam_part *part, spsi_lookups *lookups, int k) {
-    const size_t texels = spsi_ray_count(penumbra->rays), pitch = (size_t)penumbra->rays->width;
-    spsi_slide slide;
-    for (int n = SPSI_SUBSLABS * k; n < SPSI_SUBSLABS * (k + 1); ++n) {
-        const double at = penumbra->first_slab + (n + 0.5) / SPSI_SUBSLABS;
-        spsi_area any = spsi_beam_part_stop(part, (float)(SPSI_SUBSLABS * penumbra->first_slab + n));
+/* Adds what polygons stop in the slab behind the plane. */
+static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area area, const float *passes,
+                           float *stopped) {
+    const double slab = penumbra->first_slab + penumbra->plane;
+    const spsi_area reach = spsi_slide_area(penumbra, beam, slab, slab + 1, -1, area);
+    const spsi_area from = spsi_area_meet(reach, spsi_area_meet(beam->stops, spsi_beam_area(beam)));
+    const spsi_texel_grid grid = {stopped, from.x0, from.y0, from.x1 - from.x0 + 1, from.y1 - from.y0 + 1};
+    for (int n = 0; n < SPSI_SUBSLABS && !spsi_area_empty(from); ++n) {
+        const double at = slab + (n + 0.5) / SPSI_SUBSLABS;
+        float *layer = penumbra->hidden +
+                       (size_t)(penumbra->plane * SPSI_SUBSLABS + n) * spsi_ray_count(penumbra->rays);
+        spsi_area any = spsi_beam_stopped(beam, from, (float)(SPSI_SUBSLABS * slab + n), stopped);
+        spsi_slide slide;
         if (spsi_area_empty(any)) continue;
         any.x0 -= 3, any.y0 -= 3, any.x1 += 3, any.y1 += 3; /* reach of cubics, and a texel */
-        any = spsi_area_meet(spsi_slide_area(penumbra, part->beam, at, at, 1, any), lookups->bounds);
-        lookups->layers |= UINT64_C(1) << n;
-        spsi_slide_build(penumbra, part->beam, at, -1, &slide);
+        any = spsi_area_meet(spsi_slide_area(penumbra, beam, at, at, 1, any), area);
+        spsi_slide_build(penumbra, beam, at, -1, &slide);
         for (int y = any.y0; y <= any.y1; ++y) {
-            const spsi_area *row = &lookups->rows[y % SPSI_TILE_HEIGHT / SPSI_PATCH];
-            spsi_area some = spsi_area_meet(*row, any);
-            if (spsi_area_empty(some)) continue;
-            some.x0 -= (some.x0 - row->x0) % SPSI_LANES;
-            spsi_beam_hide_row(part, &slide, &some, y,
-                               penumbra->hidden + (size_t)n * texels + (size_t)y * pitch + (size_t)some.x0);
+            const spsi_tile_row row = spsi_tile_row_at(penumbra, any, y);
+            spsi_beam_hide_row(&grid, &slide, &row, passes, layer + row.texel);
         }
     }
 }
 
 /* Returns 0, adding nothing, if the beam passes unhindered. */
-static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_lookups *lookups, float *memory,
-                         float *const *planes) {
-    const double first = penumbra->first_slab;
-    const spsi_area reach = spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, -1, lookups->bounds);
-    const spsi_area area = spsi_area_meet(reach, spsi_beam_area(beam));
-    const size_t pitch = (size_t)penumbra->rays->width;
+static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area area, float *memory) {
+    const double slab = penumbra->first_slab + penumbra->plane;
     spsi_slide slide;
-    spsi_beam_part part;
-    if (spsi_area_empty(area)) return 0;
-    const int held = spsi_penumbra_holds(penumbra, spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, 1, area));
-    if (!held && spsi_area_empty(spsi_area_meet(area, beam->crossed))) return 0;
-    spsi_beam_part_load(beam, area, memory, &part);
-    part.stops = beam->stop ? part.area : spsi_area_none();
-    part.stops = spsi_beam_part_stop(&part, (float)(SPSI_SUBSLABS * (first + SPSI_CHUNK) - 1));
-    for (int k = 0; k <= SPSI_CHUNK; ++k) {
-        spsi_slide_build(penumbra, beam, first + k, -1, &slide);
-        for (int y = lookups->bounds.y0; y <= lookups->bounds.y1; ++y) {
-            const spsi_area *row = &lookups->rows[y % SPSI_TILE_HEIGHT / SPSI_PATCH];
-            if (!spsi_area_empty(*row))
-                spsi_beam_add_row(penumbra, &part, &slide, row, y, planes[k] + (size_t)y * pitch + (size_t)row->x0);
-        }
-        if (k > 0 && !spsi_area_empty(part.stops)) spsi_beam_hide(penumbra, &part, lookups, k - 1);
-        if (k == SPSI_CHUNK || !held) continue;
-        spsi_slide_build(penumbra, beam, first + k + 0.5, 1, &slide);
-        for (int y = 0; y < part.height; ++y) {
-            const size_t at = (size_t)y * (size_t)part.width;
-            const spsi_texel_row row = {area.x0, area.y0 + y, part.width, part.lengths + at, part.depth + at};
-            spsi_beam_cross(penumbra, &slide, k, &row);
-        }
+    if (spsi_area_empty(spsi_area_meet(spsi_slide_area(penumbra, beam, slab, slab, -1, area), beam->crossed))) return 0;
+    spsi_slide_build(penumbra, beam, slab, -1, &slide);
+    for (int y = area.y0; y <= area.y1; ++y) {
+        const spsi_tile_row row = spsi_tile_row_at(penumbra, area, y);
+        spsi_beam_add_row(penumbra, beam, &slide, &row, memory);
     }
+    if (penumbra->plane < SPSI_CHUNK && (double)beam->first_stop < slab + 1)
+        spsi_beam_hide(penumbra, beam, area, memory, memory + SPSI_BEAM_TILE);
     return 1;
 }
 
@@ -15830,54 +15776,50 @@ static spsi_v spsi_penumbra_sum(const spsi_penumbra *penumbra, int added, spsi_v
     return spsi_sub(spsi_set(whole > 0 ? all : all - (float)added), lost);
 }
 
-/* Divides stopped by transmitted light, given planes before and behind. */
-static void spsi_penumbra_hide_row(const spsi_penumbra *penumbra, int added, int count, const float *before,
-                                   const float *behind, float *layer) {
+/* Divides stopped by transmitted light. */
+static void spsi_penumbra_hide_row(const spsi_penumbra *penumbra, int added, const spsi_tile_row *row, float *layer) {
+    const float *plane = penumbra->planes[penumbra->plane] + row->texel;
     const spsi_v least = spsi_set(penumbra->end > SPSI_LIGHT_END ? 1e-30f : 1e-7f); /* resolution of the sums */
-    for (int x = 0; x < count; x += SPSI_LANES) {
-        const int some = spsi_imin(SPSI_LANES, count - x);
-        const spsi_v ends = spsi_add(spsi_penumbra_sum(penumbra, added, spsi_load_first(before + x, some)),
-                                     spsi_penumbra_sum(penumbra, added, spsi_load_first(behind + x, some)));
-        const spsi_v passes = spsi_max(spsi_mul(spsi_set(0.5f), ends), least);
+    for (int x = 0; x < row->count; x += SPSI_LANES) {
+        const int some = spsi_imin(SPSI_LANES, row->count - x);
+        const spsi_v passes = spsi_max(spsi_penumbra_sum(penumbra, added, spsi_load_first(plane + x, some)), least);
         spsi_store_first(layer + x, spsi_min(spsi_div(spsi_load_first(layer + x, some), passes), spsi_set(1)), some);
     }
 }
 
-static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, int added, int count, float *plane) {
+static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, int added, const spsi_tile_row *row) {
     const spsi_v share = spsi_set(1.0f / (float)penumbra->beam_count);
-    for (int x = 0; x < count; x += SPSI_LANES) {
-        const int some = spsi_imin(SPSI_LANES, count - x);
+    float *plane = penumbra->planes[penumbra->plane] + row->texel;
+    for (int x = 0; x < row->count; x += SPSI_LANES) {
+        const int some = spsi_imin(SPSI_LANES, row->count - x);
         const spsi_v passes = spsi_penumbra_sum(penumbra, added, spsi_load_first(plane + x, some));
         spsi_store_first(plane + x, spsi_minus_log(spsi_mul(passes, share), penumbra->end), some);
     }
 }
 
-static void spsi_penumbra_tile(const spsi_penumbra *penumbra, int index, int worker, float *const *planes) {
-    const size_t pitch = (size_t)penumbra->rays->width, texels = spsi_ray_count(penumbra->rays);
-    float *memory = penumbra->scratch + (size_t)worker * penumbra->scratch_floats;
+/* A tile of the plane in work, and of the layers behind it. */
+static void spsi_penumbra_plane_task(void *data, int index, int worker) {
+    const spsi_penumbra *penumbra = (const spsi_penumbra *)data;
+    const size_t texels = spsi_ray_count(penumbra->rays);
+    const int layers = penumbra->hidden && penumbra->plane < SPSI_CHUNK ? SPSI_SUBSLABS : 0;
+    float *first_layer = penumbra->hidden + (size_t)(layers * penumbra->plane) * texels;
     int added = 0;
-    spsi_lookups lookups;
-    spsi_lookups_find(penumbra, index, &lookups);
-    if (spsi_area_empty(lookups.bounds)) return;
+    if (penumbra->plane == 0) penumbra->looked_up[index] = spsi_penumbra_reach(penumbra, index);
+    const spsi_area area = penumbra->looked_up[index];
     for (int pass = 0; pass < 2; ++pass) {
-        for (int k = 0; k <= SPSI_CHUNK; ++k)
-            for (int y = lookups.bounds.y0; y <= lookups.bounds.y1; ++y) {
-                const spsi_area *row = &lookups.rows[y % SPSI_TILE_HEIGHT / SPSI_PATCH];
-                const size_t at = (size_t)y * pitch + (size_t)row->x0;
-                const int count = row->x1 - row->x0 + 1;
-                if (spsi_area_empty(*row)) continue;
-                if (pass == 0) memset(planes[k] + at, 0, (size_t)count * sizeof(float));
-                for (int n = 0; n < SPSI_SUBSLABS && penumbra->hidden && k < SPSI_CHUNK; ++n) {
-                    float *layer = penumbra->hidden + (size_t)(k * SPSI_SUBSLABS + n) * texels + at;
-                    if (pass == 0)
-                        memset(layer, 0, (size_t)count * sizeof(float));
-                    else if (lookups.layers >> (k * SPSI_SUBSLABS + n) & 1)
-                        spsi_penumbra_hide_row(penumbra, added, count, planes[k] + at, planes[k + 1] + at, layer);
-                }
-                if (pass == 1) spsi_penumbra_finish_row(penumbra, added, count, planes[k] + at);
-            }
-        for (int i = 0; i < penumbra->beam_count && pass == 0; ++i)
-            added += spsi_beam_add(penumbra, &penumbra->beams[i], &lookups, memory, planes);
+        for (int y = area.y0; y <= area.y1; ++y) {
+            const spsi_tile_row row = spsi_tile_row_at(penumbra, area, y);
+            const size_t bytes = (size_t)row.count * sizeof(float);
+            for (int n = 0; n < layers && pass == 0; ++n)
+                memset(first_layer + (size_t)n * texels + row.texel, 0, bytes);
+            for (int n = 0; n < layers && pass == 1; ++n)
+                spsi_penumbra_hide_row(penumbra, added, &row, first_layer + (size_t)n * texels + row.texel);
+            if (pass == 0) memset(penumbra->planes[penumbra->plane] + row.texel, 0, bytes);
+            if (pass == 1) spsi_penumbra_finish_row(penumbra, added, &row);
+        }
+        for (int i = 0; i < penumbra->beam_count && pass == 0 && !spsi_area_empty(area); ++i)
+            added += spsi_beam_add(penumbra, &penumbra->beams[i], area,
+                                   penumbra->scratch + (size_t)worker * penumbra->scratch_floats);
     }
 }
 
@@ -15885,46 +15827,60 @@ static void spsi_penumbra_tile(const spsi_penumbra *penumbra, int index, int wor
 
 #define SPSI_BEAM_BLOCK 32 /* texels per side, which cross sheets together */
 
+/* Crosses the slab behind the plane in work. */
 static void spsi_beam_block(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area block) {
-    const double first = penumbra->first_slab;
-    spsi_slide slides[SPSI_CHUNK];
-    if (!spsi_penumbra_holds(penumbra, spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, 1, block))) return;
-    for (int k = 0; k < SPSI_CHUNK; ++k) spsi_slide_build(penumbra, beam, first + k + 0.5, 1, &slides[k]);
+    const double slab = penumbra->first_slab + penumbra->plane;
+    spsi_slide slide;
+    if (!spsi_penumbra_holds(penumbra, spsi_slide_area(penumbra, beam, slab, slab + 1, 1, block))) return;
+    spsi_slide_build(penumbra, beam, slab + 0.5, 1, &slide);
     for (int y = block.y0; y <= block.y1; ++y) {
         float lengths[SPSI_BEAM_BLOCK + SPSI_LANES];
+        const spsi_rays *rays = penumbra->rays;
         const size_t at = (size_t)(y - beam->y0) * (size_t)beam->rays.width + (size_t)(block.x0 - beam->x0);
         const spsi_texel_row row = {block.x0, y, block.x1 - block.x0 + 1, lengths, beam->depth + at};
+        const spsi_texel_grid sheet = {penumbra->sheets + (size_t)penumbra->plane * spsi_ray_count(rays), 0, 0,
+                                       rays->width, rays->height};
         spsi_beam_lengths(beam, row.x0, y, row.count, lengths);
-        for (int k = 0; k < SPSI_CHUNK; ++k) spsi_beam_cross(penumbra, &slides[k], k, &row);
+        spsi_row_add(&sheet, &slide, &row);
     }
 }
 
-static void spsi_beam_task(void *data, int index) {
+/* A band of blocks of all beams. */
+static void spsi_beams_task(void *data, int index) {
     const spsi_penumbra *penumbra = (const spsi_penumbra *)data;
-    const spsi_beam *beam = &penumbra->beams[index % penumbra->beam_count];
-    const spsi_area area = spsi_beam_area(beam);
-    const int y0 = area.y0 + index / penumbra->beam_count * SPSI_BEAM_BLOCK;
-    for (int x0 = area.x0; x0 <= area.x1 && y0 <= area.y1; x0 += SPSI_BEAM_BLOCK) {
-        const spsi_area block = {x0, y0, x0 + SPSI_BEAM_BLOCK - 1, y0 + SPSI_BEAM_BLOCK - 1};
-        spsi_beam_block(penumbra, beam, spsi_area_meet(block, area));
+    for (int i = 0; i < penumbra->beam_count; ++i) {
+        const spsi_beam *beam = &penumbra->beams[i];
+        const spsi_area area = spsi_beam_area(beam);
+        const int y0 = area.y0 + index * SPSI_BEAM_BLOCK;
+        for (int x0 = area.x0; x0 <= area.x1 && y0 <= area.y1; x0 += SPSI_BEAM_BLOCK) {
+            const spsi_area block = {x0, y0, x0 + SPSI_BEAM_BLOCK - 1, y0 + SPSI_BEAM_BLOCK - 1};
+            spsi_beam_block(penumbra, beam, spsi_area_meet(block, area));
+        }
     }
 }
 
-SPSI_COLD void spsi_penumbra_cross(sps_context *context, spsi_penumbra *penumbra) {
-    const double first = penumbra->first_slab;
+/* From plane to plane of the chunk whose sheets are stored. */
+SPSI_COLD void spsi_penumbra_advance(sps_context *context, spsi_penumbra *penumbra, int first_slab,
+                                     float *const *planes) {
+    const int tiles = penumbra->tiles_x * penumbra->tiles_y;
     spsi_area held = spsi_area_none(); /* occupied tiles */
     int most = 0;                      /* rows of the tallest beam */
-    if (!penumbra->pending) return;
-    penumbra->pending = 0;
-    for (int tile = 0; tile < penumbra->tiles_x * penumbra->tiles_y; ++tile)
+    penumbra->first_slab = first_slab;
+    penumbra->planes = planes;
+    for (int tile = 0; tile < tiles; ++tile)
         if (penumbra->held[tile]) held = spsi_area_join(held, spsi_tile_area(penumbra, tile));
-    for (int i = 0; i < penumbra->beam_count; ++i) most = spsi_imax(most, penumbra->beams[i].rays.height);
-    spsi_parallel_items(context, penumbra->beam_count * ((most + SPSI_BEAM_BLOCK - 1) / SPSI_BEAM_BLOCK),
-                        spsi_beam_task, penumbra);
-    for (int i = 0; i < penumbra->beam_count && !spsi_area_empty(held); ++i) {
+    for (int i = 0; i < penumbra->beam_count; ++i) {
         spsi_beam *beam = &penumbra->beams[i];
-        const spsi_area crossed = spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, -1, held);
+        most = spsi_imax(most, beam->rays.height);
+        memcpy(beam->start, beam->depth, spsi_ray_count(&beam->rays) * sizeof *beam->start);
+        if (spsi_area_empty(held)) continue;
+        const spsi_area crossed = spsi_slide_area(penumbra, beam, first_slab, first_slab + SPSI_CHUNK, -1, held);
         beam->crossed = spsi_area_join(beam->crossed, crossed);
+    }
+    for (penumbra->plane = 0; penumbra->plane <= SPSI_CHUNK; ++penumbra->plane) {
+        spsi_parallel(context, tiles, spsi_penumbra_plane_task, penumbra);
+        if (penumbra->plane < SPSI_CHUNK)
+            spsi_parallel_items(context, (most + SPSI_BEAM_BLOCK - 1) / SPSI_BEAM_BLOCK, spsi_beams_task, penumbra);
     }
 }
 
@@ -15945,7 +15901,7 @@ static int spsi_beam_meets(const spsi_penumbra *penumbra, const spsi_beam *beam,
     return spsi_penumbra_holds(penumbra, area);
 }
 
-/* Optical depth in front of a point, including stored sheets. */
+/* Optical depth in front of a point: at the chunk's end, or at its begin plus stored sheets. */
 static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam *beam, const double point[3]) {
     const double first = penumbra->first_slab;
     const double slab = spsi_dmin(spsi_slab_at(penumbra->slabs, point), first + SPSI_CHUNK);
@@ -15954,8 +15910,9 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
     spsi_project(&beam->rays, point, q);
     if (beam->rays.perspective && !(q[2] > 0)) return 0;
     texel[0] = q[0] + beam->x0, texel[1] = q[1] + beam->y0;
-    depth = spsi_bilinear_inside(beam->depth, beam->rays.width, beam->rays.height, q[0], q[1]);
-    if (!penumbra->pending || !(slab > first) || !spsi_beam_meets(penumbra, beam, texel, slab)) return depth;
+    depth = spsi_bilinear_inside(slab < first + SPSI_CHUNK ? beam->start : beam->depth, beam->rays.width,
+                                 beam->rays.height, q[0], q[1]);
+    if (!(slab > first && slab < first + SPSI_CHUNK) || !spsi_beam_meets(penumbra, beam, texel, slab)) return depth;
     for (int k = 0; k < SPSI_CHUNK && slab > first + k; ++k) {
         const float *sheet = penumbra->sheets + (size_t)k * spsi_ray_count(rays);
         spsi_slide slide;
@@ -16589,21 +16546,13 @@ static void spsi_soft_sheets_task(void *data, int index, int worker) {
     spsi_tile_count(&sliced->target, &tile, worker);
 }
 
-static void spsi_soft_planes_task(void *data, int index, int worker) {
-    const spsi_sliced *sliced = (const spsi_sliced *)data;
-    spsi_penumbra_tile(&sliced->penumbra, index, worker, sliced->planes.depth);
-}
-
 /* Penumbrae need all sheets of the chunk first. */
 SPSI_COLD void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
     const double start = spsi_clock(context);
     const int tiles = sliced->planes.tiles_x * sliced->planes.tiles_y;
     if (sliced->is_soft) {
-        spsi_penumbra_cross(context, &sliced->penumbra);
-        sliced->penumbra.first_slab = sliced->contents->first_slab;
-        sliced->penumbra.pending = 1;
         spsi_parallel(context, tiles, spsi_soft_sheets_task, sliced);
-        spsi_parallel(context, tiles, spsi_soft_planes_task, sliced);
+        spsi_penumbra_advance(context, &sliced->penumbra, sliced->contents->first_slab, sliced->planes.depth);
         context->stats.soft_texels +=
             (SPSI_CHUNK + 1) * (uint64_t)sliced->penumbra.beam_count * (uint64_t)spsi_ray_count(sliced->target.rays);
     } else {
@@ -24620,9 +24569,7 @@ SPSI_COLD void spsi_run_polygons(spsi_run *run, float low, float high) {
     run->slab_count = 0;
     run->low = low;
     run->high = high;
-    if (run->has_sliced && run->sliced.is_soft) /* past the chunk: all planes contain the depth so far */
-        spsi_penumbra_cross(run->context, &run->sliced.penumbra);
-    else if (run->has_sliced)
+    if (run->has_sliced && !run->sliced.is_soft) /* past the chunk: all planes contain the depth so far */
         spsi_parallel_items(run->context, run->sliced.planes.tiles_x * run->sliced.planes.tiles_y, spsi_planes_level,
                             &run->sliced.planes);
     spsi_parallel(run->context, run->region.columns * run->region.rows, spsi_eye_task, run);

@@ -7430,21 +7430,14 @@ static void spsi_appearance_at(const spsi_faces *faces, const spsi_hit *hit, con
 
 #define SPSI_SURFACE_BATCH 4096 /* maximum points per call */
 
-typedef struct spsi_shown {
-    spsi_shading_point place;
-    int mesh; /* index in the frame's list */
-} spsi_shown;
-
-/* Points for shade_fn by rows; layers follow a pixel's hit. */
+/* Points of one mesh for its shade_fn, by rows; layers follow a pixel's hit. */
 typedef struct spsi_surface_batch {
     const spsi_frame *frame;
     const spsi_faces *faces;
     const spsi_visible *visible;
-    int x, y;   /* next pixel */
-    int number; /* 0: hit; then layers */
-    int shown_count, count;
-    spsi_shown shown[SPSI_SURFACE_BATCH];
-    spsi_shown same[SPSI_SURFACE_BATCH];
+    int mesh; /* index in the frame's list */
+    int count;
+    spsi_shading_point place[SPSI_SURFACE_BATCH];
     sps_surface_point points[SPSI_SURFACE_BATCH];
     sps_surface out[SPSI_SURFACE_BATCH];
 } spsi_surface_batch;
@@ -7468,10 +7461,10 @@ static double spsi_uv_mean(const spsi_face_texture *texture, const double w[3], 
 
 /* Screen derivative; axis: the eye's a for x, b for y. */
 static void spsi_uv_step(const spsi_rays *eye, const spsi_face *face, const spsi_face_texture *texture,
-                         const spsi_shown *at, double depth, const double axis[3], float change[2]) {
+                         const spsi_shading_point *at, double depth, const double axis[3], float change[2]) {
     double ray[3], step[3], u[3], v[3], w[3];
     const double scale = eye->perspective ? depth : 1;
-    spsi_ray_direction(eye, at->place.at[0], at->place.at[1], ray);
+    spsi_ray_direction(eye, at->at[0], at->at[1], ray);
     for (int i = 0; i < 3; ++i) step[i] = scale * axis[i];
     spsi_along(face->position[1], face->position[0], -1, u);
     spsi_along(face->position[2], face->position[0], -1, v);
@@ -7480,23 +7473,27 @@ static void spsi_uv_step(const spsi_rays *eye, const spsi_face *face, const spsi
 }
 
 /* Output defaults to the mesh's color. */
-static void spsi_surface_point(const spsi_surface_batch *batch, const spsi_shown *at, sps_surface_point *point,
-                               sps_surface *out) {
+static void spsi_surface_point_task(void *data, int index) {
+    spsi_surface_batch *batch = (spsi_surface_batch *)data;
     const spsi_rays *eye = &batch->frame->content->eye;
-    const spsi_hit *hit = at->place.hit;
+    const spsi_shading_point *place = &batch->place[index];
+    const spsi_hit *hit = place->hit;
     const spsi_face *face = &batch->faces->list[hit->face];
-    const spsi_face_texture *texture = &batch->faces->textures[batch->faces->meshes[at->mesh].textures + hit->face];
+    const spsi_face_texture *texture =
+        &batch->faces->textures[batch->faces->meshes[batch->mesh].textures + hit->face];
     const double depth = (double)hit->depth + eye->depth_reference;
+    sps_surface_point *point = &batch->points[index];
+    sps_surface *out = &batch->out[index];
     double w[3], color[3];
     spsi_surface surface;
-    spsi_surface_at(eye, batch->faces, hit, at->place.at[0], at->place.at[1], &surface);
+    spsi_surface_at(eye, batch->faces, hit, place->at[0], place->at[1], &surface);
     spsi_normalise(surface.normal);
     spsi_hit_weights(hit, w);
     spsi_face_color(face, hit, color);
     memcpy(point->position, surface.point, sizeof point->position);
     for (int i = 0; i < 2; ++i) point->uv[i] = spsi_uv_mean(texture, w, i);
-    spsi_uv_step(eye, face, texture, at, depth, eye->a, point->uv_dx);
-    spsi_uv_step(eye, face, texture, at, depth, eye->b, point->uv_dy);
+    spsi_uv_step(eye, face, texture, place, depth, eye->a, point->uv_dx);
+    spsi_uv_step(eye, face, texture, place, depth, eye->b, point->uv_dy);
     for (int i = 0; i < 3; ++i) {
         point->normal[i] = (float)surface.normal[i];
         point->weights[i] = (float)w[i];
@@ -7504,91 +7501,59 @@ static void spsi_surface_point(const spsi_surface_batch *batch, const spsi_shown
         out->emission[i] = 0;
     }
     point->triangle = texture->number;
-    point->mesh = batch->frame->meshes.list[at->mesh].index;
-    point->x = at->place.x;
-    point->y = at->place.y;
+    point->mesh = batch->frame->meshes.list[batch->mesh].index;
+    point->x = place->x;
+    point->y = place->y;
 }
 
-static void spsi_surface_point_task(void *data, int i) {
-    spsi_surface_batch *batch = (spsi_surface_batch *)data;
-    spsi_surface_point(batch, &batch->same[i], &batch->points[i], &batch->out[i]);
-}
-
-/* Returns 0 if the pixel has no more. */
-SPSI_COLD int spsi_surface_batch_place(spsi_surface_batch *batch, spsi_shading_point *place) {
-    const spsi_layers *layers = &batch->visible->layers;
-    const size_t pixel = (size_t)batch->y * (size_t)batch->frame->content->eye.width + (size_t)batch->x;
-    const int count = layers->first ? (int)(layers->first[pixel + 1] - layers->first[pixel]) : 0;
-    if (batch->number == 0 && batch->visible->hits[pixel].face < 0) batch->number = 1;
-    if (batch->number > count) return 0;
-    if (batch->number == 0)
-        spsi_shading_point_of_pixel(batch->frame, batch->visible, batch->x, batch->y, place);
-    else
-        spsi_shading_point_of_layer(batch->frame, batch->visible, layers->first[pixel] + (size_t)batch->number - 1,
-                                    place);
-    return 1;
-}
-
-/* Returns 0 if none are left. */
-SPSI_COLD int spsi_surface_batch_fill(spsi_surface_batch *batch) {
-    const int *region = batch->frame->view.region, right = region[0] + region[2], bottom = region[1] + region[3];
-    spsi_shading_point place;
-    batch->shown_count = 0;
-    for (; batch->y < bottom; ++batch->y, batch->x = region[0])
-        for (; batch->x < right; ++batch->x, batch->number = 0)
-            for (; spsi_surface_batch_place(batch, &place); ++batch->number) {
-                spsi_shown *shown = &batch->shown[batch->shown_count];
-                if (batch->shown_count == SPSI_SURFACE_BATCH) return 1;
-                shown->place = place;
-                shown->mesh = spsi_mesh_of(batch->frame, batch->faces, place.hit->face);
-                batch->shown_count += batch->frame->meshes.list[shown->mesh].given.shade_fn != NULL;
-            }
-    return batch->shown_count > 0;
-}
-
-/* Returns the next mesh with points, or -1. */
-SPSI_COLD int spsi_surface_batch_pick(spsi_surface_batch *batch, int mesh) {
-    int next = -1;
-    batch->count = 0;
-    for (int i = 0; i < batch->shown_count; ++i) {
-        const int other = batch->shown[i].mesh;
-        if (other == mesh) batch->same[batch->count++] = batch->shown[i];
-        if (other > mesh && (next < 0 || other < next)) next = other;
-    }
-    return next;
-}
-
-SPSI_COLD sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface_batch *batch, const spsi_mesh *mesh) {
+SPSI_COLD sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface_batch *batch, sps_surface *set) {
+    const spsi_mesh *mesh = &batch->frame->meshes.list[batch->mesh];
+    if (batch->count == 0) return SPS_OK;
     spsi_parallel_batches(context, batch->count, spsi_surface_point_task, batch);
     context->stats.shade_calls += 1;
     context->stats.surface_points += (uint64_t)batch->count;
     if (spsi_check_call(context, SPS_OBJECT_MESH, mesh->index, "shade_fn",
                         mesh->given.shade_fn(mesh->given.shade_user, (size_t)batch->count, batch->points, batch->out)))
         return context->result;
-    for (int i = 0; i < batch->count; ++i)
+    for (int i = 0; i < batch->count; ++i) {
         if (spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's albedo",
                            batch->out[i].albedo, 1) ||
             spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's emission",
                            batch->out[i].emission, SPSI_VALUE_MAX))
             return context->result;
-    return SPS_OK;
+        set[spsi_surface_index(batch->frame, &batch->place[i])] = batch->out[i];
+    }
+    batch->count = 0;
+    return spsi_progress(context, 0);
 }
 
-SPSI_COLD sps_result spsi_surface_batch_run(sps_context *context, spsi_surface_batch *batch, sps_surface *set) {
-    int next;
-    for (int mesh = spsi_surface_batch_pick(batch, -1); mesh >= 0; mesh = next) {
-        next = spsi_surface_batch_pick(batch, mesh);
-        if (spsi_surface_batch_shade(context, batch, &batch->frame->meshes.list[mesh])) return context->result;
-        for (int i = 0; i < batch->count; ++i)
-            set[spsi_surface_index(batch->frame, &batch->same[i].place)] = batch->out[i];
+/* Adds a pixel's points of the batch's mesh. */
+SPSI_COLD sps_result spsi_surface_batch_add(sps_context *context, spsi_surface_batch *batch, int x, int y,
+                                            sps_surface *set) {
+    const spsi_visible *visible = batch->visible;
+    const size_t pixel = (size_t)y * (size_t)batch->frame->content->eye.width + (size_t)x;
+    const size_t first = visible->layers.first ? visible->layers.first[pixel] : 0;
+    const size_t end = visible->layers.first ? visible->layers.first[pixel + 1] : 0;
+    const int begin = batch->mesh > 0 ? batch->faces->meshes[batch->mesh - 1].end : 0;
+    for (size_t n = first; n <= end; ++n) {
+        const int face = n > first ? visible->layers.list[n - 1].hit.face : visible->hits[pixel].face;
+        spsi_shading_point *place = &batch->place[batch->count];
+        if (face < begin || face >= batch->faces->meshes[batch->mesh].end) continue;
+        if (n > first)
+            spsi_shading_point_of_layer(batch->frame, visible, n - 1, place);
+        else
+            spsi_shading_point_of_pixel(batch->frame, visible, x, y, place);
+        if (++batch->count == SPSI_SURFACE_BATCH && spsi_surface_batch_shade(context, batch, set))
+            return context->result;
     }
-    return spsi_progress(context, 0);
+    return SPS_OK;
 }
 
 /* Calls shade_fn once per visible point in the region. */
 SPSI_COLD sps_result spsi_textures(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                    spsi_visible *visible) {
-    const size_t places = (size_t)frame->view.region[2] * (size_t)frame->view.region[3] + visible->layers.count;
+    const int *region = frame->view.region;
+    const size_t places = (size_t)region[2] * (size_t)region[3] + visible->layers.count;
     spsi_surface_batch *batch;
     visible->set = NULL;
     if (frame->meshes.textured_count == 0 || faces->count == 0) return SPS_OK;
@@ -7599,11 +7564,14 @@ SPSI_COLD sps_result spsi_textures(sps_context *context, const spsi_frame *frame
     batch->frame = frame;
     batch->faces = faces;
     batch->visible = visible;
-    batch->x = frame->view.region[0];
-    batch->y = frame->view.region[1];
-    batch->number = 0;
-    while (spsi_surface_batch_fill(batch))
-        if (spsi_surface_batch_run(context, batch, out)) return context->result;
+    batch->count = 0;
+    for (batch->mesh = 0; batch->mesh < frame->meshes.count; ++batch->mesh) {
+        if (!frame->meshes.list[batch->mesh].given.shade_fn) continue;
+        for (int i = 0; i < region[2] * region[3]; ++i)
+            if (spsi_surface_batch_add(context, batch, region[0] + i % region[2], region[1] + i / region[2], out))
+                return context->result;
+        if (spsi_surface_batch_shade(context, batch, out)) return context->result;
+    }
     visible->set = out;
     return SPS_OK;
 }
@@ -15684,10 +15652,6 @@ static spsi_area spsi_beam_stopped(const spsi_beam *beam, spsi_area area, float 
     return any;
 }
 
-/* Planes sum this minus transmittance. 1 is exact for small losses, but rounds off beyond a depth of 16; 0 reaches as
-   far as forward scattering. */
-static float spsi_penumbra_whole(const spsi_penumbra *penumbra) { return penumbra->end > SPSI_LIGHT_END ? 0.0f : 1.0f; }
-
 /* A row of a tile: its texels in the images of planes and layers, and in the tile. */
 typedef struct spsi_tile_row {
     int x0, y, count;
@@ -15704,7 +15668,7 @@ static spsi_tile_row spsi_tile_row_at(const spsi_penumbra *penumbra, spsi_area a
 /* Interpolates optical depth, which bends less than transmittance. `passes` receives transmittance. */
 static void spsi_beam_add_row(const spsi_penumbra *penumbra, const spsi_beam *beam, const spsi_slide *slide,
                               const spsi_tile_row *row, float *passes) {
-    const spsi_v zero = spsi_set(0), whole = spsi_set(spsi_penumbra_whole(penumbra));
+    const spsi_v zero = spsi_set(0);
     float depth[SPSI_TILE_WIDTH + SPSI_LANES] = {0}, *plane = penumbra->planes[penumbra->plane] + row->texel;
     const spsi_texel_grid grid = {beam->depth, beam->x0, beam->y0, beam->rays.width, beam->rays.height};
     const spsi_texel_row to = {row->x0, row->y, row->count, NULL, depth};
@@ -15712,7 +15676,7 @@ static void spsi_beam_add_row(const spsi_penumbra *penumbra, const spsi_beam *be
     for (int i = 0; i < row->count; i += SPSI_LANES) {
         const int some = spsi_imin(SPSI_LANES, row->count - i);
         const spsi_v through = spsi_exp(spsi_sub(zero, spsi_max(zero, spsi_load(depth + i))));
-        spsi_store_first(plane + i, spsi_add(spsi_load_first(plane + i, some), spsi_sub(whole, through)), some);
+        spsi_store_first(plane + i, spsi_add(spsi_load_first(plane + i, some), through), some);
         spsi_store_first(passes + row->own + i, through, some);
     }
 }
@@ -15731,6 +15695,11 @@ static void spsi_beam_hide_row(const spsi_texel_grid *grid, const spsi_slide *sl
     }
 }
 
+/* Layer n behind the plane in work. */
+static float *spsi_penumbra_layer(const spsi_penumbra *penumbra, int n) {
+    return penumbra->hidden + (size_t)(penumbra->plane * SPSI_SUBSLABS + n) * spsi_ray_count(penumbra->rays);
+}
+
 /* Adds what polygons stop in the slab behind the plane. */
 static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area area, const float *passes,
                            float *stopped) {
@@ -15740,8 +15709,6 @@ static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam *beam,
     const spsi_texel_grid grid = {stopped, from.x0, from.y0, from.x1 - from.x0 + 1, from.y1 - from.y0 + 1};
     for (int n = 0; n < SPSI_SUBSLABS && !spsi_area_empty(from); ++n) {
         const double at = slab + (n + 0.5) / SPSI_SUBSLABS;
-        float *layer = penumbra->hidden +
-                       (size_t)(penumbra->plane * SPSI_SUBSLABS + n) * spsi_ray_count(penumbra->rays);
         spsi_area any = spsi_beam_stopped(beam, from, (float)(SPSI_SUBSLABS * slab + n), stopped);
         spsi_slide slide;
         if (spsi_area_empty(any)) continue;
@@ -15750,7 +15717,7 @@ static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam *beam,
         spsi_slide_build(penumbra, beam, at, -1, &slide);
         for (int y = any.y0; y <= any.y1; ++y) {
             const spsi_tile_row row = spsi_tile_row_at(penumbra, any, y);
-            spsi_beam_hide_row(&grid, &slide, &row, passes, layer + row.texel);
+            spsi_beam_hide_row(&grid, &slide, &row, passes, spsi_penumbra_layer(penumbra, n) + row.texel);
         }
     }
 }
@@ -15770,40 +15737,29 @@ static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, s
     return 1;
 }
 
-/* Transmittance sum, given losses of `added` beams. */
-static spsi_v spsi_penumbra_sum(const spsi_penumbra *penumbra, int added, spsi_v lost) {
-    const float all = (float)penumbra->beam_count, whole = spsi_penumbra_whole(penumbra);
-    return spsi_sub(spsi_set(whole > 0 ? all : all - (float)added), lost);
-}
-
-/* Divides stopped by transmitted light. */
-static void spsi_penumbra_hide_row(const spsi_penumbra *penumbra, int added, const spsi_tile_row *row, float *layer) {
-    const float *plane = penumbra->planes[penumbra->plane] + row->texel;
-    const spsi_v least = spsi_set(penumbra->end > SPSI_LIGHT_END ? 1e-30f : 1e-7f); /* resolution of the sums */
-    for (int x = 0; x < row->count; x += SPSI_LANES) {
-        const int some = spsi_imin(SPSI_LANES, row->count - x);
-        const spsi_v passes = spsi_max(spsi_penumbra_sum(penumbra, added, spsi_load_first(plane + x, some)), least);
-        spsi_store_first(layer + x, spsi_min(spsi_div(spsi_load_first(layer + x, some), passes), spsi_set(1)), some);
-    }
-}
-
-static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, int added, const spsi_tile_row *row) {
-    const spsi_v share = spsi_set(1.0f / (float)penumbra->beam_count);
+/* From sums over beams to the fraction stopped in each layer, and optical depth at the plane. `open`: beams that pass
+   unhindered. */
+static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, int open, const spsi_tile_row *row, int layers) {
+    const spsi_v all = spsi_set((float)penumbra->beam_count), one = spsi_set(1);
     float *plane = penumbra->planes[penumbra->plane] + row->texel;
     for (int x = 0; x < row->count; x += SPSI_LANES) {
         const int some = spsi_imin(SPSI_LANES, row->count - x);
-        const spsi_v passes = spsi_penumbra_sum(penumbra, added, spsi_load_first(plane + x, some));
-        spsi_store_first(plane + x, spsi_minus_log(spsi_mul(passes, share), penumbra->end), some);
+        const spsi_v passes = spsi_add(spsi_load_first(plane + x, some), spsi_set((float)open));
+        const spsi_v per_passed = spsi_div(one, spsi_max(passes, spsi_set(1e-30f)));
+        for (int n = 0; n < layers; ++n) {
+            float *stopped = spsi_penumbra_layer(penumbra, n) + row->texel + x;
+            const spsi_v share = spsi_mul(spsi_load_first(stopped, some), per_passed);
+            spsi_store_first(stopped, spsi_min(share, one), some);
+        }
+        spsi_store_first(plane + x, spsi_minus_log(spsi_div(passes, all), penumbra->end), some);
     }
 }
 
 /* A tile of the plane in work, and of the layers behind it. */
 static void spsi_penumbra_plane_task(void *data, int index, int worker) {
     const spsi_penumbra *penumbra = (const spsi_penumbra *)data;
-    const size_t texels = spsi_ray_count(penumbra->rays);
     const int layers = penumbra->hidden && penumbra->plane < SPSI_CHUNK ? SPSI_SUBSLABS : 0;
-    float *first_layer = penumbra->hidden + (size_t)(layers * penumbra->plane) * texels;
-    int added = 0;
+    int open = penumbra->beam_count;
     if (penumbra->plane == 0) penumbra->looked_up[index] = spsi_penumbra_reach(penumbra, index);
     const spsi_area area = penumbra->looked_up[index];
     for (int pass = 0; pass < 2; ++pass) {
@@ -15811,14 +15767,12 @@ static void spsi_penumbra_plane_task(void *data, int index, int worker) {
             const spsi_tile_row row = spsi_tile_row_at(penumbra, area, y);
             const size_t bytes = (size_t)row.count * sizeof(float);
             for (int n = 0; n < layers && pass == 0; ++n)
-                memset(first_layer + (size_t)n * texels + row.texel, 0, bytes);
-            for (int n = 0; n < layers && pass == 1; ++n)
-                spsi_penumbra_hide_row(penumbra, added, &row, first_layer + (size_t)n * texels + row.texel);
+                memset(spsi_penumbra_layer(penumbra, n) + row.texel, 0, bytes);
             if (pass == 0) memset(penumbra->planes[penumbra->plane] + row.texel, 0, bytes);
-            if (pass == 1) spsi_penumbra_finish_row(penumbra, added, &row);
+            if (pass == 1) spsi_penumbra_finish_row(penumbra, open, &row, layers);
         }
         for (int i = 0; i < penumbra->beam_count && pass == 0 && !spsi_area_empty(area); ++i)
-            added += spsi_beam_add(penumbra, &penumbra->beams[i], area,
+            open -= spsi_beam_add(penumbra, &penumbra->beams[i], area,
                                    penumbra->scratch + (size_t)worker * penumbra->scratch_floats);
     }
 }

@@ -6244,7 +6244,7 @@ static int spsi_walk_on(spsi_walk *walk, const spsi_ray *ray) {
    evaluated exactly, with the ray moved to (0, 0): a difference of two products. Ties are broken by moving the ray by
    an infinitesimal (e, e^2). Signs depend on ray and edge alone and flip with its direction. So adjacent triangles
    leave no gaps or overlaps, even at edges and corners. Cost: triangles times tile rows to cull, three edge functions
-   per pixel of a box. Rows are narrowed first; vectors inside are tested at their ends. */
+   per pixel of a box. Rows are narrowed first. */
 
 typedef struct spsi_face {
     double position[3][3]; /* world space */
@@ -6646,39 +6646,6 @@ static inline void spsi_raster_store(const spsi_raster *raster, size_t at, int f
     }
 }
 
-/* True if a vector hits entirely: edge functions are linear. */
-static inline int spsi_face_holds(const spsi_edges *e, int x, int y) {
-    int held = 1;
-    for (int i = 0; i < 3; ++i) {
-        const double first = e->edge[i][0] * x + e->edge[i][1] * y + e->edge[i][2];
-        const double last = e->edge[i][0] * (x + SPSI_LANES - 1) + e->edge[i][1] * y + e->edge[i][2];
-        held &= first > 2 * e->rounding[i] && last > 2 * e->rounding[i];
-    }
-    return held;
-}
-
-/* All pixels must hit. */
-static inline void spsi_raster_vector(const spsi_raster *raster, const spsi_edges *e, int face, int x, int y,
-                                      size_t at) {
-    const double reference = raster->rays->depth_reference, begin = raster->rays->near_depth;
-    double w[3][SPSI_LANES], t[SPSI_LANES];
-    float depth[SPSI_LANES], weights[2][SPSI_LANES];
-    for (int i = 0; i < 3; ++i) {
-        const double step = e->edge[i][0], row = e->edge[i][1] * y, rest = e->edge[i][2];
-        for (int n = 0; n < SPSI_LANES; ++n) w[i][n] = step * (x + n) + row + rest;
-    }
-    for (int n = 0; n < SPSI_LANES; ++n) {
-        const double sum = w[0][n] + w[1][n] + w[2][n], a = w[0][n] / sum, b = w[1][n] / sum, c = w[2][n] / sum;
-        t[n] = a * e->depth[0] + b * e->depth[1] + c * e->depth[2];
-        depth[n] = (float)t[n];
-        weights[0][n] = (float)b;
-        weights[1][n] = (float)c;
-    }
-    for (int n = 0; n < SPSI_LANES; ++n)
-        if (t[n] + reference > begin)
-            spsi_raster_store(raster, at + (size_t)n, face, depth[n], weights[0][n], weights[1][n]);
-}
-
 /* Opaque faces only. */
 static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1) {
     const int *box = raster->boxes + 4 * face;
@@ -6691,12 +6658,8 @@ static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1
         for (int x = x0; x <= x1; ++x) {
             const size_t at = (size_t)(y - raster->first_row) * (size_t)raster->pitch + (size_t)x;
             double w[3], depth;
-            if (SPSI_LANES > 1 && x + SPSI_LANES - 1 <= x1 && spsi_face_holds(&e, x, y)) {
-                spsi_raster_vector(raster, &e, face, x, y, at);
-                x += SPSI_LANES - 1;
-            } else if (spsi_face_depth(&e, raster->rays, x, y, w, &depth)) {
+            if (spsi_face_depth(&e, raster->rays, x, y, w, &depth))
                 spsi_raster_store(raster, at, face, (float)depth, (float)w[1], (float)w[2]);
-            }
         }
     }
 }
@@ -7798,14 +7761,6 @@ typedef struct spsi_shaft {
     float normal[3][SPSI_SHAFT_PLANES], reach[SPSI_SHAFT_PLANES];
 } spsi_shaft;
 
-/* Maximum distance along an axis from the tree's centre. */
-static double spsi_faces_reach(const spsi_faces *faces) {
-    float most = 0;
-    for (int k = 0; k < 3 && faces->tree.count > 0; ++k)
-        most = spsi_fmax(most, spsi_fmax(-faces->tree.nodes[0].low[k], faces->tree.nodes[0].high[k]));
-    return (double)most;
-}
-
 /* Keeps both boxes inside, with `room`. */
 static void spsi_shaft_add(const spsi_faces *faces, const spsi_bounds *a, const spsi_bounds *b, const double normal[3],
                            double room, spsi_shaft *shaft) {
@@ -7822,7 +7777,7 @@ static void spsi_shaft_add(const spsi_faces *faces, const spsi_bounds *a, const 
 /* Projected along each axis, corners are joined where each box is farther out along one axis. */
 static void spsi_shaft_build(const spsi_faces *faces, const spsi_bounds *from, const spsi_bounds *to,
                              spsi_shaft *shaft) {
-    double room = spsi_faces_reach(faces);
+    double room = 0; /* maximum distance along an axis from the tree's centre */
     memset(shaft, 0, sizeof *shaft);
     shaft->to = *to;
     for (int k = 0; k < 3; ++k) {
@@ -7831,6 +7786,8 @@ static void spsi_shaft_build(const spsi_faces *faces, const spsi_bounds *from, c
         shaft->low[k] = spsi_round_outward(low, 0);
         shaft->high[k] = spsi_round_outward(high, 1);
         room = spsi_dmax(room, spsi_dmax(-low, high));
+        if (faces->tree.count == 0) continue;
+        room = spsi_dmax(room, (double)spsi_fmax(-faces->tree.nodes[0].low[k], faces->tree.nodes[0].high[k]));
     }
     for (int n = 0; n < 12; ++n) {
         const int axis[2] = {n % 3, (n + 1) % 3}, upper[2] = {n / 3 % 2, n / 6};
@@ -7892,23 +7849,19 @@ static int spsi_shaft_meets_face(const spsi_shaft *shaft, const spsi_faces *face
     return (far_off[1] > 0 && near_by[0] < -room) || (far_off[0] < 0 && near_by[1] > room);
 }
 
-/* True if nothing blocks rays. They begin anywhere on `count` faces, or between `starts` points of one; only opaque
-   faces count then. */
-static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft, const int *own, int count,
-                               const double (*start)[3], int starts) {
+/* True if no opaque face but `own` blocks rays that begin between points of it. */
+static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft, int own, const double (*points)[3],
+                               int count) {
     int stack[SPSI_TREE_STACK], top = 0, seen = 0;
     if (faces->tree.count > 0) stack[top++] = 0;
     while (top > 0) {
         const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
         if (++seen > SPSI_SHAFT_NODES) return 0;
         if (!spsi_shaft_meets(shaft, node->low, node->high)) continue;
-        for (int i = 0; i < node->count * count; ++i) {
-            const int number = faces->tree.order[node->first + i / count], from = own[i % count];
-            const spsi_face *begin = &faces->list[from];
-            if (number == from || (starts > 0 && spsi_face_is_translucent(&faces->list[number]))) continue;
-            if (starts ? spsi_shaft_meets_face(shaft, faces, number, start, starts)
-                       : spsi_shaft_meets_face(shaft, faces, number, begin->position, 3))
-                return 0;
+        for (int i = 0; i < node->count; ++i) {
+            const int number = faces->tree.order[node->first + i];
+            if (number == own || spsi_face_is_translucent(&faces->list[number])) continue;
+            if (spsi_shaft_meets_face(shaft, faces, number, points, count)) return 0;
         }
         if (node->count > 0) continue;
         stack[top++] = node->first;
@@ -18203,7 +18156,7 @@ static int spsi_cell_visibility_near(const spsi_cell_visibility *visibility) {
         to.low[axis] = to.high[axis] = to.low[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
         spsi_shaft_build(visibility->faces, &from, &to, &shaft);
         spsi_shaft_add(visibility->faces, &from, &from, below, -9e-7 * farthest * spsi_reach_of(below), &shaft);
-        if (!spsi_shaft_is_clear(visibility->faces, &shaft, &visibility->face, 1, begins, 1))
+        if (!spsi_shaft_is_clear(visibility->faces, &shaft, visibility->face, begins, 1))
             near_sides |= 1 << (2 * axis + upper);
     }
     return near_sides;
@@ -21021,7 +20974,7 @@ static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, const int 
     spsi_along(bounds.high, bounds.low, -1, across);
     spsi_shaft_build(job->faces, &bounds, &job->from[tile->flown], &shaft);
     int clear = !job->frame->meshes.translucent &&
-            spsi_shaft_is_clear(job->faces, &shaft, &tile->hit->face, 1, (const double(*)[3])point, 4);
+            spsi_shaft_is_clear(job->faces, &shaft, tile->hit->face, (const double(*)[3])point, 4);
     if (!clear && size[0] * size[1] > 16) return longer;
     for (int n = 0; n < 9; ++n) {
         const int i = order[n], column = x0 + i % 3 * size[0] / 2, row = y0 + i / 3 * size[1] / 2;

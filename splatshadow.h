@@ -6244,7 +6244,7 @@ static int spsi_walk_on(spsi_walk *walk, const spsi_ray *ray) {
    evaluated exactly, with the ray moved to (0, 0): a difference of two products. Ties are broken by moving the ray by
    an infinitesimal (e, e^2). Signs depend on ray and edge alone and flip with its direction. So adjacent triangles
    leave no gaps or overlaps, even at edges and corners. Cost: triangles times tile rows to cull, three edge functions
-   per pixel of a box. Rows are narrowed first. */
+   per pixel of a box. Rows are narrowed first; vectors inside are tested at their ends. */
 
 typedef struct spsi_face {
     double position[3][3]; /* world space */
@@ -6646,6 +6646,39 @@ static inline void spsi_raster_store(const spsi_raster *raster, size_t at, int f
     }
 }
 
+/* True if a vector hits entirely: edge functions are linear. */
+static inline int spsi_face_holds(const spsi_edges *e, int x, int y) {
+    int held = 1;
+    for (int i = 0; i < 3; ++i) {
+        const double first = e->edge[i][0] * x + e->edge[i][1] * y + e->edge[i][2];
+        const double last = e->edge[i][0] * (x + SPSI_LANES - 1) + e->edge[i][1] * y + e->edge[i][2];
+        held &= first > 2 * e->rounding[i] && last > 2 * e->rounding[i];
+    }
+    return held;
+}
+
+/* All pixels must hit. */
+static inline void spsi_raster_vector(const spsi_raster *raster, const spsi_edges *e, int face, int x, int y,
+                                      size_t at) {
+    const double reference = raster->rays->depth_reference, begin = raster->rays->near_depth;
+    double w[3][SPSI_LANES], t[SPSI_LANES];
+    float depth[SPSI_LANES], weights[2][SPSI_LANES];
+    for (int i = 0; i < 3; ++i) {
+        const double step = e->edge[i][0], row = e->edge[i][1] * y, rest = e->edge[i][2];
+        for (int n = 0; n < SPSI_LANES; ++n) w[i][n] = step * (x + n) + row + rest;
+    }
+    for (int n = 0; n < SPSI_LANES; ++n) {
+        const double sum = w[0][n] + w[1][n] + w[2][n], a = w[0][n] / sum, b = w[1][n] / sum, c = w[2][n] / sum;
+        t[n] = a * e->depth[0] + b * e->depth[1] + c * e->depth[2];
+        depth[n] = (float)t[n];
+        weights[0][n] = (float)b;
+        weights[1][n] = (float)c;
+    }
+    for (int n = 0; n < SPSI_LANES; ++n)
+        if (t[n] + reference > begin)
+            spsi_raster_store(raster, at + (size_t)n, face, depth[n], weights[0][n], weights[1][n]);
+}
+
 /* Opaque faces only. */
 static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1) {
     const int *box = raster->boxes + 4 * face;
@@ -6658,8 +6691,12 @@ static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1
         for (int x = x0; x <= x1; ++x) {
             const size_t at = (size_t)(y - raster->first_row) * (size_t)raster->pitch + (size_t)x;
             double w[3], depth;
-            if (spsi_face_depth(&e, raster->rays, x, y, w, &depth))
+            if (SPSI_LANES > 1 && x + SPSI_LANES - 1 <= x1 && spsi_face_holds(&e, x, y)) {
+                spsi_raster_vector(raster, &e, face, x, y, at);
+                x += SPSI_LANES - 1;
+            } else if (spsi_face_depth(&e, raster->rays, x, y, w, &depth)) {
                 spsi_raster_store(raster, at, face, (float)depth, (float)w[1], (float)w[2]);
+            }
         }
     }
 }

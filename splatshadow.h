@@ -4243,7 +4243,8 @@ SPSI_COLD sps_result spsi_check_indexed(const spsi_subject *at, const sps_mesh *
 
 SPSI_COLD sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, int i) {
     const spsi_subject at = {context, SPS_OBJECT_MESH, i, ""};
-    spsi_check_canaries(&at, mesh->start_canary, mesh->end_canary);
+    /* behind a canary that is set, pointers may be wild */
+    if (spsi_check_canaries(&at, mesh->start_canary, mesh->end_canary)) return context->result;
     if (mesh->triangle_count > SPSI_FACES_MAX)
         spsi_wrong(&at, "triangle_count", (double)mesh->triangle_count, "it must be 0..2^29");
     if (mesh->triangle_count > 0 && !mesh->read_fn)
@@ -4255,7 +4256,7 @@ SPSI_COLD sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh,
 
 SPSI_COLD sps_result spsi_check_set(sps_context *context, const sps_particles *set, int i) {
     const spsi_subject at = {context, SPS_OBJECT_PARTICLES, i, ""};
-    spsi_check_canaries(&at, set->start_canary, set->end_canary);
+    if (spsi_check_canaries(&at, set->start_canary, set->end_canary)) return context->result;
     if (set->count > SPSI_PARTICLES_MAX) spsi_wrong(&at, "count", (double)set->count, "it must be 0..2^29");
     if (set->count > 0 && !set->read_fn)
         spsi_wrong_that(&at, "read_fn", 0, "is NULL; it must be set where count is not 0");
@@ -6284,6 +6285,7 @@ typedef struct spsi_face_texture {
 typedef struct spsi_mesh_faces {
     int end;      /* end of its faces */
     int textures; /* texture index minus face index */
+    int rows[2];  /* first and last row in which it is visible */
 } spsi_mesh_faces;
 
 typedef struct spsi_faces {
@@ -6292,7 +6294,7 @@ typedef struct spsi_faces {
     double extent; /* maximum coordinate */
     spsi_tree tree;
     const spsi_face_texture *textures; /* NULL: no shade_fn */
-    const spsi_mesh_faces *meshes;     /* NULL: no shade_fn */
+    spsi_mesh_faces *meshes;           /* NULL: no shade_fn */
 } spsi_faces;
 
 /* Checks colors, normals, uv and world positions. */
@@ -6482,7 +6484,7 @@ SPSI_COLD sps_result spsi_gather_faces(sps_context *context, const spsi_frame *f
     faces->count = context->face_count;
     if (frame->meshes.textured_count > 0) {
         faces->textures = (const spsi_face_texture *)context->buffers[SPSI_BUFFER_FACE_TEXTURES].data;
-        faces->meshes = (const spsi_mesh_faces *)context->buffers[SPSI_BUFFER_MESH_FACES].data;
+        faces->meshes = (spsi_mesh_faces *)context->buffers[SPSI_BUFFER_MESH_FACES].data;
     }
     frame->content->mesh_bounds = context->mesh_bounds;
     for (int i = 0; i < 3; ++i) {
@@ -7527,19 +7529,43 @@ SPSI_COLD sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface
     return spsi_progress(context, 0);
 }
 
+/* Range of a pixel's layers. */
+static void spsi_pixel_layers(const spsi_visible *visible, size_t pixel, size_t range[2]) {
+    for (size_t i = 0; i < 2; ++i) range[i] = visible->layers.first ? visible->layers.first[pixel + i] : 0;
+}
+
+/* Finds the rows of each mesh, so that many meshes do not each search the whole image. */
+static void spsi_surface_rows(const spsi_surface_batch *batch) {
+    spsi_mesh_faces *meshes = batch->faces->meshes;
+    const spsi_visible *visible = batch->visible;
+    const int *region = batch->frame->view.region, width = batch->frame->content->eye.width;
+    for (int m = 0; m < batch->frame->meshes.count; ++m) meshes[m].rows[0] = SPSI_SIZE_MAX, meshes[m].rows[1] = -1;
+    for (int y = region[1]; y < region[1] + region[3]; ++y)
+        for (int x = region[0]; x < region[0] + region[2]; ++x) {
+            const size_t pixel = (size_t)y * (size_t)width + (size_t)x;
+            size_t layers[2];
+            spsi_pixel_layers(visible, pixel, layers);
+            for (size_t n = layers[0]; n <= layers[1]; ++n) {
+                const int face = n > layers[0] ? visible->layers.list[n - 1].hit.face : visible->hits[pixel].face;
+                int *rows = face < 0 ? NULL : meshes[spsi_mesh_of(batch->frame, batch->faces, face)].rows;
+                if (rows) rows[0] = spsi_imin(rows[0], y), rows[1] = y;
+            }
+        }
+}
+
 /* Adds a pixel's points of the batch's mesh. */
 SPSI_COLD sps_result spsi_surface_batch_add(sps_context *context, spsi_surface_batch *batch, int x, int y,
                                             sps_surface *set) {
     const spsi_visible *visible = batch->visible;
     const size_t pixel = (size_t)y * (size_t)batch->frame->content->eye.width + (size_t)x;
-    const size_t first = visible->layers.first ? visible->layers.first[pixel] : 0;
-    const size_t end = visible->layers.first ? visible->layers.first[pixel + 1] : 0;
     const int begin = batch->mesh > 0 ? batch->faces->meshes[batch->mesh - 1].end : 0;
-    for (size_t n = first; n <= end; ++n) {
-        const int face = n > first ? visible->layers.list[n - 1].hit.face : visible->hits[pixel].face;
+    size_t layers[2];
+    spsi_pixel_layers(visible, pixel, layers);
+    for (size_t n = layers[0]; n <= layers[1]; ++n) {
+        const int face = n > layers[0] ? visible->layers.list[n - 1].hit.face : visible->hits[pixel].face;
         spsi_shading_point *place = &batch->place[batch->count];
         if (face < begin || face >= batch->faces->meshes[batch->mesh].end) continue;
-        if (n > first)
+        if (n > layers[0])
             spsi_shading_point_of_layer(batch->frame, visible, n - 1, place);
         else
             spsi_shading_point_of_pixel(batch->frame, visible, x, y, place);
@@ -7565,11 +7591,13 @@ SPSI_COLD sps_result spsi_textures(sps_context *context, const spsi_frame *frame
     batch->faces = faces;
     batch->visible = visible;
     batch->count = 0;
+    spsi_surface_rows(batch);
     for (batch->mesh = 0; batch->mesh < frame->meshes.count; ++batch->mesh) {
+        const int *rows = faces->meshes[batch->mesh].rows;
         if (!frame->meshes.list[batch->mesh].given.shade_fn) continue;
-        for (int i = 0; i < region[2] * region[3]; ++i)
-            if (spsi_surface_batch_add(context, batch, region[0] + i % region[2], region[1] + i / region[2], out))
-                return context->result;
+        for (int y = rows[0]; y <= rows[1]; ++y)
+            for (int x = region[0]; x < region[0] + region[2]; ++x)
+                if (spsi_surface_batch_add(context, batch, x, y, out)) return context->result;
         if (spsi_surface_batch_shade(context, batch, out)) return context->result;
     }
     visible->set = out;
@@ -10723,8 +10751,8 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossi
    normalised kernel tabulated for 1025 positions. Bricks of 8^3 voxels have an apron for the taps. They share layers
    with those above and below, and store no empty ones. A bit per cell of 2^3 voxels marks where samples matter. Samples
    lie in the middles of steps h. A slab's integral is h times their sum plus h / 24 times the change of differences
-   between its ends. This midpoint rule with end correction has an error
-   O(h^4). Slabs cut by a polygon or the near plane are sampled separately.
+   between its ends. This midpoint rule with end correction has an error O(h^4). Slabs cut by a polygon or the near
+   plane are sampled separately.
    Where voxels are smaller than pixels, a pixel has two rays. They swing between corners of its middle half from sample
    to sample, as good as four rays. Still smaller voxels take up to 8^2. Unclassified volumes have a pyramid, filtered
    by 1, 3, 3, 1 along each axis (spectrum cos^3). Classified ones have none, since a transfer function of a mean is not
@@ -10918,7 +10946,7 @@ SPSI_COLD void spsi_pyramid_list(const spsi_pyramid_job *job) {
         spsi_pyramid_at(field, brick->place, at);
         for (int n = 0; n < 8 && fine; ++n) {
             const int held = spsi_level_child(fine, at, n);
-            for (int q = 0; q < 4 && held >= 0; ++q) /* half of a brick is in two thirds */
+            for (int q = 0; q < 4 && held >= 0; ++q) /* half a brick covers two thirds */
                 brick->layers[(n / 2 % 2 + q / 2) * 3 + n % 2 + q % 2] |=
                     spsi_level_layers(job->taps, &fine->stored[held], n / 4);
         }
@@ -10995,7 +11023,7 @@ SPSI_COLD size_t spsi_pyramid_place_planes(int taps, const spsi_pyramid_level *f
         spsi_pyramid_at(field, field->stored[held].place, at);
         for (int n = 0; n < 9; ++n) {
             const int other = spsi_pyramid_beside(field, at, n % 3 - 1, n / 3 - 1, 0);
-            for (int q = 0; q < 9 && other >= 0; ++q) /* of neighbours, the next thirds */
+            for (int q = 0; q < 9 && other >= 0; ++q) /* neighbours count by their thirds next to the brick */
                 if ((n % 3 == 1 || n % 3 + q % 3 == 2) && (n / 3 == 1 || n / 3 + q / 3 == 2))
                     layers |= field->stored[other].layers[q];
         }
@@ -11074,7 +11102,8 @@ static void spsi_pyramid_apron_task(void *data, int held) {
     int at[3];
     spsi_pyramid_at(field, field->stored[held].place, at);
     for (int n = 0; n < 27; ++n) {
-        const int right = n % 3 - 1, down = n / 3 % 3 - 1, other = spsi_pyramid_beside(field, at, right, down, n / 9 - 1);
+        const int right = n % 3 - 1, down = n / 3 % 3 - 1;
+        const int other = spsi_pyramid_beside(field, at, right, down, n / 9 - 1);
         shown[n] = other < 0 || field->stored[other].source < 0 ? NULL : field->stored[other].shown;
         if (n / 9 == 1 && n != 13 && shown[n]) spsi_pyramid_copy(job->taps, field, other, right, down, held);
     }
@@ -15188,7 +15217,7 @@ typedef struct spsi_beam {
     float *start;      /* optical depth at the chunk's first plane */
     float *stop;       /* slab coordinate of the first polygon; NULL: no polygons */
     float first_stop;  /* least `stop` */
-    spsi_area stops;   /* texels with polygons, and what cubics reach around */
+    spsi_area stops;   /* texels with polygons, widened by the reach of cubics */
     spsi_area crossed; /* texels that may meet media or polygons so far, with offset x0, y0 */
 } spsi_beam;
 
@@ -15690,7 +15719,7 @@ static float *spsi_penumbra_layer(const spsi_penumbra *penumbra, int n) {
     return penumbra->hidden + (size_t)(penumbra->plane * SPSI_SUBSLABS + n) * spsi_ray_count(penumbra->rays);
 }
 
-/* Adds what polygons stop in the slab behind the plane. */
+/* Adds the light that polygons stop in the slab behind the plane. */
 static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area area, const float *passes,
                            float *stopped) {
     const double slab = penumbra->first_slab + penumbra->plane;
@@ -15727,8 +15756,8 @@ static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, s
     return 1;
 }
 
-/* From sums over beams to the fraction stopped in each layer, and optical depth at the plane. `open`: beams that pass
-   unhindered. */
+/* Turns sums over beams into the fraction stopped in each layer and the optical depth at the plane. `open`: number of
+   beams that pass unhindered. */
 static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, int open, const spsi_tile_row *row, int layers) {
     const spsi_v all = spsi_set((float)penumbra->beam_count), one = spsi_set(1);
     float *plane = penumbra->planes[penumbra->plane] + row->texel;
@@ -15803,7 +15832,7 @@ static void spsi_beams_task(void *data, int index) {
     }
 }
 
-/* From plane to plane of the chunk whose sheets are stored. */
+/* Advances all beams plane by plane through the chunk whose sheets are stored. */
 SPSI_COLD void spsi_penumbra_advance(sps_context *context, spsi_penumbra *penumbra, int first_slab,
                                      float *const *planes) {
     const int tiles = penumbra->tiles_x * penumbra->tiles_y;
@@ -16409,7 +16438,7 @@ typedef struct spsi_shadow {
     const spsi_sliced *sliced; /* with sheets */
     const sps_tmap *tmap;      /* with a map */
     int soft;                  /* 1: sheets include polygons' shadows */
-    float *open;               /* see spsi_visibility_job */
+    void *open;                /* see spsi_visibility_bytes */
     spsi_linear along[3];      /* arguments of spsi_shadow_lookup along the eye's rays */
     spsi_depth_map depth_map;
     spsi_translucency_map *translucency_maps; /* one per point of a soft light, or one */
@@ -20745,7 +20774,7 @@ typedef struct spsi_visibility_job {
     const spsi_faces *faces;
     const spsi_visible *visible;
     const spsi_light *light;
-    float *open;    /* per place, point and channel: transmittance */
+    void *open;     /* see spsi_visibility_bytes */
     uint64_t *rays; /* per worker */
 } spsi_visibility_job;
 
@@ -20757,18 +20786,15 @@ typedef struct spsi_visibility_surfaces {
     int face[SPSI_PACKET];
 } spsi_visibility_surfaces;
 
-/* Translucent polygons filter each color differently. */
-static int spsi_visibility_channels(const spsi_frame *frame) { return frame->meshes.translucent ? 3 : 1; }
-
-/* Values per place. */
-static int spsi_visibility_values(const spsi_frame *frame, const spsi_light *light) {
-    return light->point_count * spsi_visibility_channels(frame);
+/* Bytes per place. Per point of the light: 1 if it is visible, or with translucent polygons the transmittance of each
+   channel in floats. */
+static int spsi_visibility_bytes(const spsi_frame *frame, const spsi_light *light) {
+    return light->point_count * (frame->meshes.translucent ? 3 * (int)sizeof(float) : 1);
 }
 
 /* Returns the number of rays. */
 static int spsi_visibility_point(const spsi_visibility_job *job, int n, const spsi_visibility_surfaces *block) {
     const spsi_light *point = &job->light->points[n];
-    const int channels = spsi_visibility_channels(job->frame);
     spsi_packet packet;
     int rays = 0;
     spsi_packet_begin(job->faces, !point->is_point, 1, &packet);
@@ -20786,8 +20812,9 @@ static int spsi_visibility_point(const spsi_visibility_job *job, int n, const sp
         double through[3] = {1, 1, 1};
         if (!(packet.open >> at & 1)) continue;
         if (packet.filtered >> at & 1) spsi_packet_through(&packet, at, through);
-        for (int c = 0; c < channels; ++c)
-            job->open[place * (size_t)channels + (size_t)c] = (float)through[c];
+        if (!job->frame->meshes.translucent) ((unsigned char *)job->open)[place] = 1;
+        for (size_t c = 0; c < 3 && job->frame->meshes.translucent; ++c)
+            ((float *)job->open)[3 * place + c] = (float)through[c];
     }
     return rays;
 }
@@ -20857,10 +20884,9 @@ SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, co
                                const spsi_visible *visible, const spsi_shadow *shadow, uint64_t *rays) {
     const int *region = frame->view.region;
     const double start = spsi_clock(context);
-    const size_t values = spsi_shading_point_count(frame, visible) *
-                          (size_t)spsi_visibility_values(frame, shadow->light);
     spsi_visibility_job job = {frame, faces, visible, shadow->light, shadow->open, rays};
-    memset(job.open, 0, values * sizeof *job.open);
+    memset(job.open, 0,
+           spsi_shading_point_count(frame, visible) * (size_t)spsi_visibility_bytes(frame, shadow->light));
     memset(job.rays, 0, (size_t)spsi_worker_count(context) * sizeof *rays);
     spsi_parallel(context, spsi_visibility_tiles(region[0], region[2]) * spsi_visibility_tiles(region[1], region[3]),
                   spsi_visibility_task, &job);
@@ -21288,16 +21314,17 @@ static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_light 
 }
 
 /* Transmittance of polygons from a point of the light. Returns the mask of lanes that it reaches. */
-static int spsi_surfaces_open(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_surfaces *list, int point,
-                              spsi_v open[3]) {
-    const int channels = spsi_visibility_channels(shader->frame);
+static int spsi_surfaces_open(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_surfaces *list,
+                              int point, spsi_v open[3]) {
+    const int filtered = shader->frame->meshes.translucent;
     float lanes[3][SPSI_LANES] = {{0}};
     int reached = 0;
     for (int n = 0; list->points.lanes >> n; ++n) {
         const size_t place = list->place[n].index * (size_t)shadow->light->point_count + (size_t)point;
         if (!(list->points.lanes >> n & 1)) continue;
-        for (int c = 0; c < 3; ++c) {
-            lanes[c][n] = shadow->open[place * (size_t)channels + (size_t)(c % channels)];
+        for (size_t c = 0; c < 3; ++c) {
+            lanes[c][n] = filtered ? ((const float *)shadow->open)[3 * place + c]
+                                   : (float)((const unsigned char *)shadow->open)[place];
             reached |= (lanes[c][n] > 0) << n;
         }
     }
@@ -21316,8 +21343,8 @@ static spsi_v spsi_surfaces_depth(const spsi_shadow *shadow, const spsi_surfaces
     return spsi_load(lanes);
 }
 
-/* Adds direct light. `shadow` NULL: nothing is in the way. Optical depths are those of the light's centre, or with soft
-   shadows those of its points. */
+/* Adds direct light. `shadow` NULL: nothing is in the way. Optical depth is that of the light's centre; with soft
+   shadows, each point has its own. */
 static void spsi_surfaces_add_light(const spsi_shader *shader, const spsi_light *light, const spsi_shadow *shadow,
                                     spsi_surfaces *list) {
     const double unit = spsi_surfaces_unit(light, list), scale = light->falls_off ? 1 / (unit * unit) : 1;
@@ -25211,10 +25238,10 @@ SPSI_COLD sps_result spsi_sweep_once(sps_context *context, const spsi_picture *p
     return SPS_OK;
 }
 
-/* Counters of workers, and results of shadow rays: `values` per place. */
-static uint64_t *spsi_visibility_reserve(sps_context *context, size_t places, int values) {
+/* Counters of workers, and results of shadow rays. */
+static uint64_t *spsi_visibility_reserve(sps_context *context, size_t places, int bytes_per_place) {
     size_t bytes = (size_t)spsi_worker_count(context) * sizeof(uint64_t);
-    spsi_bytes_add(&bytes, places, (size_t)spsi_imax(1, values) * sizeof(float));
+    spsi_bytes_add(&bytes, places, (size_t)bytes_per_place);
     return (uint64_t *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, 1, bytes);
 }
 
@@ -25223,7 +25250,7 @@ SPSI_COLD sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *
     const spsi_frame *frame = picture->frame;
     const int count = spsi_sweep_shadow_count(frame, n);
     const size_t places = spsi_shading_point_count(frame, &picture->visible);
-    int values = 0;
+    int bytes = 0;
     spsi_shadow *shadow = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *shadow);
     if (!shadow) return context->result;
     memset(shadow, 0, (size_t)count * sizeof *shadow);
@@ -25239,14 +25266,14 @@ SPSI_COLD sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *
         ++shadow;
     }
     if (!picture->visible.hits || count == 0) return SPS_OK;
-    for (int i = 0; i < count; ++i) values += spsi_visibility_values(frame, picture->shadows[i].light);
-    uint64_t *rays = spsi_visibility_reserve(context, places, values);
+    for (int i = 0; i < count; ++i) bytes += spsi_visibility_bytes(frame, picture->shadows[i].light);
+    uint64_t *rays = spsi_visibility_reserve(context, places, bytes);
     if (!rays) return context->result;
-    float *open = (float *)(void *)(rays + spsi_worker_count(context));
+    char *open = (char *)(rays + spsi_worker_count(context));
     for (shadow = picture->shadows; shadow < picture->shadows + count; ++shadow) {
         shadow->open = open;
         spsi_visibility(context, frame, &picture->faces, &picture->visible, shadow, rays);
-        open += places * (size_t)spsi_visibility_values(frame, shadow->light);
+        open += places * (size_t)spsi_visibility_bytes(frame, shadow->light);
     }
     return SPS_OK;
 }
@@ -25762,7 +25789,7 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
 static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
     const size_t pixels = spsi_ray_count(&frame->content->eye), triangles = frame->meshes.triangle_count;
     size_t lights = (size_t)spsi_plan_shadow_count(frame, 0); /* at once */
-    int values = (int)lights;
+    int bytes = (int)lights; /* per place */
     spsi_face_lists lists;
     spsi_faces faces;
     spsi_visible visible;
@@ -25784,16 +25811,17 @@ static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *fram
     spsi_plan_take(context, report, SPS_PASS_TRIANGLE_TREE);
     for (int i = 0; i < frame->lights.count; ++i) {
         const spsi_light *light = &frame->lights.list[i];
-        values += spsi_plan_tables(frame, light) * spsi_visibility_values(frame, light) - 1;
+        bytes += spsi_plan_tables(frame, light) * spsi_visibility_bytes(frame, light) - 1;
         lights += (size_t)spsi_plan_tables(frame, light) - 1;
     }
-    if (spsi_uses_cells(frame)) lights = (size_t)spsi_imax((int)lights, frame->lights.shadow_count); /* for cells */
+    if (spsi_uses_cells(frame)) /* cells need all lights' depth maps at once */
+        lights = (size_t)spsi_imax((int)lights, frame->lights.shadow_count);
     if (frame->lights.shadow_count == 0) return;
     if (frame->matter.scatters)
         spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, lights,
                      spsi_depth_map_floats_most((size_t)spsi_depth_map_size(frame)) * sizeof(float));
     spsi_plan_take(context, report, SPS_PASS_LIGHT_POLYGONS);
-    spsi_visibility_reserve(context, pixels, values);
+    spsi_visibility_reserve(context, pixels, bytes);
     spsi_plan_take(context, report, SPS_PASS_SHADOW_RAYS);
 }
 

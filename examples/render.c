@@ -94,7 +94,7 @@ static void set_shadows(arguments *all, sps_light *lights) {
     for (int i = 0; i < all->light_count; ++i) {
         lights[i].no_shadow = shadow_is(all, "none");
         if (shadow_is(all, "sheets")) lights[i].shadow_source = SPS_SHADOW_SHEETS;
-        lights[i].shadow_map_resolution = all->table_size; /* for tables that the library chooses */
+        lights[i].shadow_map_resolution = all->table_size; /* used where the library chooses tables */
     }
     if (!has_maps(all)) return;
     all->map.technique = (sps_tmap_technique)all->shadow; /* the names are in their order */

@@ -148,6 +148,7 @@ static const char *spoil_volume(mixed *m, int *n) {
     sps_volume *v = m->s.volume;
     SPOIL(v->start_canary = 1, "volume[0].start_canary is 1;")
     SPOIL(v->end_canary = 1, "volume[0].end_canary is 1;")
+    SPOIL(memset(v, 0xa5, sizeof *v), "volume[0].start_canary is 2.7791e+09;") /* pointers are wild, too */
     SPOIL(v->size[0] = -1, "volume[0].size is -1;")
     SPOIL(v->size[2] = 65537, "volume[0].size is 65537;")
     SPOIL(v->placement.origin[1] = not_a_number(), "volume[0].placement.origin[1] is nan;")
@@ -198,6 +199,7 @@ static const char *spoil_mesh_and_lights(mixed *m, int *n) {
     sps_mesh *mesh = m->s.mesh;
     SPOIL(mesh->start_canary = 7, "mesh[0].start_canary is 7;")
     SPOIL(mesh->end_canary = 7, "mesh[0].end_canary is 7;")
+    SPOIL(memset(mesh, 0xa5, sizeof *mesh), "mesh[0].start_canary is 2.7791e+09;")
     SPOIL(mesh->triangle_count = (size_t)1 << 31, "mesh[0].triangle_count is 2.14748e+09;")
     SPOIL(mesh->read_fn = NULL, "mesh[0].read_fn is NULL;")
     SPOIL(mesh->albedo[0] = 2, "mesh[0].albedo is 2;")

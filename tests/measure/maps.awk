@@ -1,4 +1,5 @@
-# The page docs/maps.md from what maps.c prints: sections of single scenes become one table, of the errors with 8 floats.
+# The page docs/maps.md from what maps.c prints: sections of single scenes become one table, of the errors with 8 floats,
+# and times are those of maps of that size.
 /^## (Reading|Puff|Wind|Clumps|Shell|Core|Ball)/ {
     scene = $2
     sub(/:$/, "", scene)
@@ -17,6 +18,8 @@ single && substr($0, 31, 2) == "8 " && /\|/ {
     sub(/ .*/, "", part[2])
     error[name, scene] = part[2]
 }
+/^## Times/ { times = 1 }
+times && !single && /^[a-zA-Z]/ && !/^Beer/ && substr($0, 30, 2) ~ /^( 6|16|24)$/ { next }
 !single { print }
 
 function print_table(    i, k) {

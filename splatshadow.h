@@ -26191,17 +26191,27 @@ static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walk
     *walker = next;
 }
 
-/* Transmittance of polygons from a light to a point on face `own` (-1: none). Returns 0 if nothing passes. */
+/* Transmittance of polygons from a light to a point on face `own` (-1: none), without the renderer's packets: so it can
+   judge them. Returns 0 if nothing passes. */
 static int spsi_march_visibility(const spsi_faces *faces, const spsi_light *light, const double point[3], int own,
                                  double passes[3]) {
-    spsi_packet packet;
-    double toward[3];
-    spsi_toward_light(light, point, toward);
-    spsi_packet_begin(faces, !light->is_point, own >= 0, &packet);
-    spsi_packet_add(&faces->tree, 0, own, point, toward, &packet);
-    spsi_packet_trace(faces, &packet);
-    spsi_packet_through(&packet, 0, passes);
-    return packet.open && (passes[0] > 0 || passes[1] > 0 || passes[2] > 0);
+    spsi_ray ray = {{point[0], point[1], point[2]}, {0, 0, 0}, 0, light->is_point ? 1 : HUGE_VAL};
+    spsi_walk walk;
+    int number;
+    passes[0] = passes[1] = passes[2] = 1;
+    spsi_toward_light(light, point, ray.direction);
+    spsi_walk_begin(&faces->tree, &walk);
+    while ((number = spsi_walk_on(&walk, &ray)) >= 0) {
+        const spsi_face *face = &faces->list[number];
+        const double rounding = own >= 0 ? (double)face->rounding + 16 * DBL_EPSILON * faces->extent : 0;
+        float weights[2];
+        double t;
+        if (number == own || !spsi_face_meets(face, &ray, rounding, &t, weights)) continue;
+        if (spsi_face_is_translucent(face) && !spsi_face_passes(face, point, ray.direction)) continue;
+        for (int c = 0; c < 3; ++c) passes[c] *= (double)face->transmittance[c];
+        if (!(passes[0] > 0 || passes[1] > 0 || passes[2] > 0)) return 0;
+    }
+    return 1;
 }
 
 /* --- transport --- */

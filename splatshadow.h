@@ -8266,12 +8266,7 @@ static double spsi_versine(const spsi_light *light, const double travel[3]) {
 
 /* Whole offset to a point light, unit vector to a directional one. */
 static void spsi_toward_light(const spsi_light *light, const double point[3], double toward[3]) {
-    if (light->is_point) {
-        spsi_along(light->position, point, -1, toward);
-        return;
-    }
-    spsi_light_direction(light, point, toward);
-    for (int i = 0; i < 3; ++i) toward[i] = -toward[i];
+    for (int i = 0; i < 3; ++i) toward[i] = light->is_point ? light->position[i] - point[i] : -light->direction[i];
 }
 
 /* =========================================================================================== >>projectors
@@ -20792,6 +20787,15 @@ static int spsi_visibility_bytes(const spsi_frame *frame, const spsi_light *ligh
     return light->point_count * (frame->meshes.translucent ? 3 * (int)sizeof(float) : 1);
 }
 
+/* Returns 0 if a point of a light cannot reach a surface, whatever lies between them. */
+static int spsi_visibility_needs(const spsi_frame *frame, const spsi_light *point, const spsi_surface *surface) {
+    double toward[3], irradiance[3];
+    spsi_toward_light(point, surface->point, toward);
+    if (!(spsi_dot(surface->normal, toward) > 0)) return 0;
+    if (!point->cone.exists && !point->projection.exists) return 1;
+    return spsi_surface_point_irradiance(frame, point, surface, irradiance);
+}
+
 /* Returns the number of rays. */
 static int spsi_visibility_point(const spsi_visibility_job *job, int n, const spsi_visibility_surfaces *block) {
     const spsi_light *point = &job->light->points[n];
@@ -20799,9 +20803,8 @@ static int spsi_visibility_point(const spsi_visibility_job *job, int n, const sp
     int rays = 0;
     spsi_packet_begin(job->faces, !point->is_point, 1, &packet);
     for (int at = 0; at < SPSI_PACKET; ++at) {
-        double toward[3], irradiance[3];
-        if (!(block->used >> at & 1)) continue;
-        if (!spsi_surface_point_irradiance(job->frame, point, &block->at[at], irradiance)) continue;
+        double toward[3];
+        if (!(block->used >> at & 1) || !spsi_visibility_needs(job->frame, point, &block->at[at])) continue;
         spsi_toward_light(point, block->at[at].start, toward);
         spsi_packet_add(&job->faces->tree, at, block->face[at], block->at[at].start, toward, &packet);
         rays += 1;

@@ -19806,18 +19806,15 @@ SPSI_COLD void spsi_shader_linears(const spsi_slabs *slabs, spsi_shader *shader)
     }
 }
 
-typedef struct spsi_line {
-    int x, y;
-    spsi_v at;          /* x of each pixel */
-    spsi_v base, scale; /* plane k of the chunk has depth d = (k - base) * scale */
-    spsi_v slabs;
-    spsi_v polygon;     /* d of the polygon; infinity: none */
-} spsi_line;
-
+/* A vector of pixels in a row. */
 typedef struct spsi_pixels {
-    spsi_line line;
+    int x, y;
+    spsi_v at;           /* x of each pixel */
+    spsi_v base, scale;  /* plane k of the chunk has depth d = (k - base) * scale */
+    spsi_v slabs;
+    spsi_v polygon;      /* d of the polygon; infinity: none */
+    spsi_v polygon_slab; /* its slab coordinate, from the sweep's first slab */
     spsi_v length;       /* world length per unit of t */
-    spsi_v polygon_slab; /* slab coordinate of the polygon, from the sweep's first slab */
     spsi_v toward[3];    /* unit direction from the eye */
 } spsi_pixels;
 
@@ -19852,48 +19849,43 @@ SPSI_COLD void *spsi_vectors_reserve(sps_context *context, spsi_buffer_id id, in
     return memory ? memory + (beyond ? SPSI_VECTOR_ALIGNMENT - beyond : 0) : NULL;
 }
 
-static inline void spsi_line_build(const spsi_shader *shader, int x, int y, spsi_line *line) {
-    line->x = x;
-    line->y = y;
-    line->at = spsi_add(spsi_set((float)x), spsi_iota());
-    spsi_v slope = spsi_linear_slope(&shader->slab, line->at, (float)y);
-    slope = spsi_select(spsi_less(spsi_abs(slope), spsi_set(1e-20f)), spsi_set(1e-20f), slope);
-    line->base = spsi_sub(spsi_linear_base(&shader->slab, line->at, (float)y), spsi_set((float)shader->first_slab));
-    line->scale = spsi_div(spsi_set(1), slope);
-    line->slabs = spsi_abs(slope);
-    line->polygon = spsi_hit_depths(shader->hits, shader->eye->width, shader->eye->height, x, y);
-}
-
 static void spsi_pixels_build(const spsi_shader *shader, int x, int y, spsi_pixels *p) {
     const float fy = (float)y;
-    spsi_v at, inverse_length;
-    spsi_line_build(shader, x, y, &p->line);
-    at = p->line.at;
+    const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), least = spsi_set(1e-20f);
+    spsi_v slope = spsi_linear_slope(&shader->slab, at, fy), inverse_length;
+    slope = spsi_select(spsi_less(spsi_abs(slope), least), least, slope);
+    p->x = x;
+    p->y = y;
+    p->at = at;
+    p->base = spsi_sub(spsi_linear_base(&shader->slab, at, fy), spsi_set((float)shader->first_slab));
+    p->scale = spsi_div(spsi_set(1), slope);
+    p->slabs = spsi_abs(slope);
+    p->polygon = spsi_hit_depths(shader->hits, shader->eye->width, shader->eye->height, x, y);
+    p->polygon_slab = spsi_linear_find(&shader->slab, at, fy, p->polygon);
     p->length = spsi_ray_lengths(shader->eye, at, fy);
     inverse_length = spsi_div(spsi_set(1), p->length);
-    p->polygon_slab = spsi_linear_find(&shader->slab, at, fy, p->line.polygon);
     for (int i = 0; i < 3; ++i)
         p->toward[i] = spsi_mul(spsi_linear_slope(&shader->position[i], at, fy), inverse_length);
 }
 
-static inline spsi_v spsi_plane_depth(const spsi_line *line, int k) {
-    return spsi_mul(spsi_sub(spsi_set((float)k), line->base), line->scale);
+static inline spsi_v spsi_plane_depth(const spsi_pixels *p, int k) {
+    return spsi_mul(spsi_sub(spsi_set((float)k), p->base), p->scale);
 }
 
 /* Depths of entry and exit, clamped to near plane and polygon. */
-static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *line, int k, int group, spsi_v *enter,
+static inline void spsi_slab_range(const spsi_shader *shader, const spsi_pixels *p, int k, int group, spsi_v *enter,
                                    spsi_v *leave) {
     const spsi_rays *eye = shader->eye;
-    const spsi_v a = spsi_plane_depth(line, k), b = spsi_plane_depth(line, k + group);
+    const spsi_v a = spsi_plane_depth(p, k), b = spsi_plane_depth(p, k + group);
     const float near_d = spsi_rays_begin(eye);
-    *enter = spsi_min(spsi_max(spsi_min(a, b), spsi_set(near_d)), line->polygon);
-    *leave = spsi_max(*enter, spsi_min(spsi_max(a, b), line->polygon));
+    *enter = spsi_min(spsi_max(spsi_min(a, b), spsi_set(near_d)), p->polygon);
+    *leave = spsi_max(*enter, spsi_min(spsi_max(a, b), p->polygon));
 }
 
-static inline size_t spsi_tile_at(const spsi_tile *tile, const spsi_line *line, int k) {
+static inline size_t spsi_tile_at(const spsi_tile *tile, const spsi_pixels *p, int k) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     return (size_t)(k + margin) * tile->sheet_size +
-           (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
+           (size_t)((p->y - tile->y0) * tile->pitch + (p->x - tile->x0));
 }
 
 /* A slab, or a group of slabs (spsi_slabs) that differ only in depth and light. Classified volumes divide it into
@@ -19950,7 +19942,7 @@ static void spsi_samples_gradient(const spsi_shader *shader, const spsi_sampler 
     spsi_v depth, place[3], g[3], size, surface;
     int lanes = spsi_slab_seen(shader, slab, channel, &depth);
     if (!lanes) return;
-    for (int k = 0; k < 3; ++k) place[k] = spsi_linear_find(&t->at[k], p->line.at, (float)p->line.y, depth);
+    for (int k = 0; k < 3; ++k) place[k] = spsi_linear_find(&t->at[k], p->at, (float)p->y, depth);
     lanes &= spsi_sampler_inside(t->field, place);
     spsi_sampler_gradient(t, place, lanes, g);
     for (int c = 0; c < 3; ++c) g[c] = spsi_mul(g[c], spsi_set(unit));
@@ -19985,11 +19977,11 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
     const spsi_target *target = shader->target;
     const spsi_v share = spsi_set(1.0f / (float)slab->part_count), zero = spsi_set(0);
     const spsi_v way = spsi_mul(spsi_mul(spsi_sub(slab->leave, slab->enter), p->length), share);
-    const size_t at = spsi_tile_at(tile, &p->line, slab->k - 1);
+    const size_t at = spsi_tile_at(tile, p, slab->k - 1);
     spsi_v means[3];
     spsi_parabola values;
     for (int n = 0; n < 3; ++n)
-        means[n] = spsi_mul(spsi_sheet_sum(tile, channel, at + (size_t)n * tile->sheet_size), p->line.slabs);
+        means[n] = spsi_mul(spsi_sheet_sum(tile, channel, at + (size_t)n * tile->sheet_size), p->slabs);
     spsi_values_through(material, means, spsi_target_has_means(target, material->medium), &values);
     for (int part = 0; part < slab->part_count; ++part) {
         spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
@@ -20103,7 +20095,7 @@ static void spsi_reach_build(const spsi_shader *shader, const spsi_light *light,
     reach->half = spsi_mul(part->half, p->length);
     reach->pixel = spsi_pixel_size(shader->eye, part->middle);
     for (int i = 0; i < 3; ++i) {
-        const spsi_v at = spsi_linear_find(&shader->position[i], p->line.at, (float)p->line.y, part->middle);
+        const spsi_v at = spsi_linear_find(&shader->position[i], p->at, (float)p->y, part->middle);
         reach->middle[i] = spsi_add(at, spsi_set((float)(shader->position_origin[i] - light->position[i])));
     }
 }
@@ -20139,7 +20131,7 @@ static spsi_v spsi_light_falloff(const spsi_pixels *p, const spsi_reach *reach) 
 static void spsi_reach_place(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
                              const spsi_subslab *part, spsi_reach *reach) {
     const spsi_rays *eye = shader->eye;
-    const double turned = eye->perspective ? 1 : 0, moved = 1 - turned, y = (double)p->line.y;
+    const double turned = eye->perspective ? 1 : 0, moved = 1 - turned, y = (double)p->y;
     double origin[3], a[3], b[3], c[3], from[3][SPSI_LANES], step[3][SPSI_LANES];
     float t[2][SPSI_LANES], at[3][3][SPSI_LANES];
     for (int k = 0; k < 2; ++k) spsi_store(t[k], part->ends[k]);
@@ -20150,7 +20142,7 @@ static void spsi_reach_place(const spsi_shader *shader, const spsi_light *light,
     spsi_to_light(light, eye->c, c);
     for (int k = 0; k < 3; ++k)
         for (int n = 0; n < SPSI_LANES; ++n) {
-            const double aside = (p->line.x + n) * a[k] + y * b[k];
+            const double aside = (p->x + n) * a[k] + y * b[k];
             step[k][n] = c[k] + turned * aside;
             from[k][n] = origin[k] + moved * aside + eye->depth_reference * step[k][n];
             for (int end = 0; end < 2; ++end) at[end][k][n] = (float)(from[k][n] + (double)t[end][n] * step[k][n]);
@@ -20454,7 +20446,7 @@ static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow
     spsi_spread_light_at arriving;
     spsi_reach reach;
     for (int i = 0; i < 3; ++i)
-        at[i] = spsi_linear_find(&shadow->spread_along[i], p->line.at, (float)p->line.y, part->middle);
+        at[i] = spsi_linear_find(&shadow->spread_along[i], p->at, (float)p->y, part->middle);
     spsi_spread_find(shadow->spread, at, &place);
     spsi_reach_build(shader, light, p, part, &reach);
     spsi_light_travel(light, p, &reach, travel);
@@ -20481,10 +20473,10 @@ static void spsi_lit_fractions(const spsi_shader *shader, const spsi_depth_map *
     const spsi_v step = spsi_mul(spsi_sub(d[1], d[0]), spsi_set(1.0f / SPSI_SUBSLABS));
     for (int i = 0; i < SPSI_SUBSLABS; ++i) lit[i] = spsi_set(1);
     for (int face = 0; face < map->face_count; ++face) {
-        if (!spsi_depth_map_may_shade(map, face, p->line.at, (float)p->line.y, d)) continue;
+        if (!spsi_depth_map_may_shade(map, face, p->at, (float)p->y, d)) continue;
         for (int i = 0; i < SPSI_SUBSLABS; ++i) {
             const spsi_v from = spsi_fma(step, spsi_set((float)i), d[0]), way[2] = {from, spsi_add(from, step)};
-            lit[i] = spsi_min(lit[i], spsi_depth_map_fraction(map, face, p->line.at, (float)p->line.y, way));
+            lit[i] = spsi_min(lit[i], spsi_depth_map_fraction(map, face, p->at, (float)p->y, way));
         }
     }
     if (slab->part_count > 1) return;
@@ -20495,7 +20487,7 @@ static void spsi_lit_fractions(const spsi_shader *shader, const spsi_depth_map *
 static inline spsi_v spsi_pixels_shadow(const spsi_shadow *shadow, const spsi_pixels *p, int k, spsi_v d) {
     spsi_row_linears linears;
     spsi_v at[3];
-    spsi_row_linears_build(shadow->along, p->line.at, (float)p->line.y, &linears);
+    spsi_row_linears_build(shadow->along, p->at, (float)p->y, &linears);
     spsi_row_linears_at(&linears, d, at);
     return spsi_shadow_lookup(shadow, at, k);
 }
@@ -20504,15 +20496,15 @@ static inline spsi_v spsi_pixels_shadow(const spsi_shadow *shadow, const spsi_pi
 #define SPSI_PREFETCH_ROWS 8
 
 static void spsi_arrival_begin(const spsi_shadow *shadow, const spsi_pixels *p, spsi_arrival *arrival) {
-    const float y = (float)p->line.y;
+    const float y = (float)p->y;
     arrival->plane = -1;
-    spsi_row_linears_build(shadow->along, p->line.at, y, &arrival->linears);
-    spsi_row_linears_build(shadow->along, p->line.at, y + SPSI_PREFETCH_ROWS, &arrival->ahead);
+    spsi_row_linears_build(shadow->along, p->at, y, &arrival->linears);
+    spsi_row_linears_build(shadow->along, p->at, y + SPSI_PREFETCH_ROWS, &arrival->ahead);
 }
 
 /* Planes exceed the cache and rows cross them at a slant, so the texels of a row further down are prefetched. */
 static spsi_v spsi_plane_light(const spsi_shadow *shadow, const spsi_pixels *p, const spsi_arrival *arrival, int k) {
-    const spsi_v d = spsi_plane_depth(&p->line, k);
+    const spsi_v d = spsi_plane_depth(p, k);
     spsi_v at[3];
     if (shadow->kind == SPSI_SHADOW_SHEETS && shadow->sliced->planes.wide) {
         int texels[SPSI_LANES];
@@ -20560,7 +20552,7 @@ static void spsi_subslab_filter(const spsi_shader *shader, const spsi_shadow *sh
     for (int i = 0; i < shadow->translucency_map_count * steps; ++i) {
         const float n = (float)(i % steps);
         const spsi_v d[2] = {spsi_fma(step, spsi_set(n), from), spsi_fma(step, spsi_set(n + 1), from)};
-        spsi_translucency_map_filter(&shadow->translucency_maps[i / steps], shader->faces, p->line.at, (float)p->line.y,
+        spsi_translucency_map_filter(&shadow->translucency_maps[i / steps], shader->faces, p->at, (float)p->y,
                                      d, filter);
         for (int c = 0; c < 3; ++c) sum[c] = spsi_add(sum[c], filter[c]);
     }
@@ -20572,13 +20564,13 @@ static void spsi_subslab_filter(const spsi_shader *shader, const spsi_shadow *sh
 static spsi_v spsi_subslab_hidden(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
                                   const spsi_pixels *p, const spsi_subslab *part) {
     const int count = shader->frame->matter.classifies ? 1 : SPSI_SUBSLABS;
-    const spsi_v layers = spsi_set(SPSI_SUBSLABS), scale = spsi_div(layers, p->line.scale);
+    const spsi_v layers = spsi_set(SPSI_SUBSLABS), scale = spsi_div(layers, p->scale);
     spsi_v sum = spsi_set(0), place[3];
     for (int i = 0; i < count; ++i) {
         const spsi_v d = spsi_fma(part->half, spsi_set((float)(2 * i + 1) / (float)count - 1), part->middle);
         spsi_row_linears_at(&arrival->linears, d, place);
         sum = spsi_add(sum, spsi_sliced_hidden(shadow->sliced, place,
-                                               spsi_fma(d, scale, spsi_mul(layers, p->line.base))));
+                                               spsi_fma(d, scale, spsi_mul(layers, p->base))));
     }
     return spsi_mul(sum, spsi_set(1.0f / (float)count));
 }
@@ -20666,7 +20658,7 @@ static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels
     const spsi_v start = spsi_add(part->before, into->ahead), end = spsi_add(part->after, into->ahead);
     const spsi_v gas = spsi_mul(sample->depth, spsi_sub(spsi_set(1), sample->surface));
     const spsi_v straight = spsi_mean_transmittance(start, end), zero = spsi_set(0);
-    const spsi_m blocked = spsi_less(p->line.polygon, spsi_set(SPSI_INFINITY));
+    const spsi_m blocked = spsi_less(p->polygon, spsi_set(SPSI_INFINITY));
     const float peak = grid->peak[m];
     for (int c = 0; c < frame->channels; ++c) {
         const spsi_v scale = spsi_sub(spsi_set(1), spsi_mul(sample->color[c], spsi_set(peak)));
@@ -20694,7 +20686,7 @@ static void spsi_cell_place_build(const spsi_shader *shader, const spsi_pixels *
     place->grid = &content->cells[n];
     for (int i = 0; i < 3; ++i) {
         const spsi_v high = spsi_set((float)place->grid->size[i] - 0.5f);
-        place->at[i] = spsi_linear_find(&shader->cell[n][i], p->line.at, (float)p->line.y, part->middle);
+        place->at[i] = spsi_linear_find(&shader->cell[n][i], p->at, (float)p->y, part->middle);
         inside = spsi_and(inside, spsi_and(spsi_less(low, place->at[i]), spsi_less(place->at[i], high)));
     }
     place->here = n + 1 == content->cell_grid_count ? place->left : inside;
@@ -21448,8 +21440,8 @@ static void spsi_pending_pass(const spsi_shader *shader, int lane, spsi_pending 
 }
 
 static void spsi_pending_measure(const spsi_shader *shader, const spsi_pixels *p, spsi_pending *ahead) {
-    const spsi_v d = spsi_load(ahead->depth), at = p->line.at, infinity = spsi_set(SPSI_INFINITY);
-    ahead->slab = spsi_linear_find(&shader->slab, at, (float)p->line.y, d);
+    const spsi_v d = spsi_load(ahead->depth), at = p->at, infinity = spsi_set(SPSI_INFINITY);
+    ahead->slab = spsi_linear_find(&shader->slab, at, (float)p->y, d);
     ahead->slab = spsi_select(spsi_less(d, infinity), ahead->slab, infinity);
 }
 
@@ -21461,7 +21453,7 @@ static int spsi_pending_before(const spsi_pending *ahead, float slab) {
 static void spsi_pending_begin(const spsi_shader *shader, const spsi_pixels *p, int width, float low,
                                spsi_pending *ahead) {
     const spsi_layers *layers = &shader->visible->layers;
-    const size_t pixel = (size_t)p->line.y * (size_t)shader->eye->width + (size_t)p->line.x;
+    const size_t pixel = (size_t)p->y * (size_t)shader->eye->width + (size_t)p->x;
     ahead->list = layers->list;
     for (int lane = 0; lane < SPSI_LANES; ++lane) {
         ahead->first[lane] = lane < width ? layers->first[pixel + (size_t)lane] : 0;
@@ -21553,7 +21545,7 @@ static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, 
     const spsi_pixels *p = &row->pixels;
     const spsi_pending *ahead = spsi_row_pending(row);
     const spsi_m here =
-        spsi_and(spsi_less(p->polygon_slab, spsi_set(high)), spsi_less(p->line.polygon, spsi_set(SPSI_INFINITY)));
+        spsi_and(spsi_less(p->polygon_slab, spsi_set(high)), spsi_less(p->polygon, spsi_set(SPSI_INFINITY)));
     const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, spsi_set(low)));
     float opaque[SPSI_LANES] = {0};
     spsi_surfaces list;
@@ -21562,7 +21554,7 @@ static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, 
     memset(&list, 0, sizeof list);
     for (int i = 0; i < row->width; ++i) {
         if (!(bits >> i & 1)) continue;
-        spsi_shading_point_of_pixel(shader->frame, shader->visible, p->line.x + i, p->line.y, &list.place[i]);
+        spsi_shading_point_of_pixel(shader->frame, shader->visible, p->x + i, p->y, &list.place[i]);
         if (list.place[i].hit->face < 0) continue; /* an edge, which layers show */
         spsi_surfaces_add(shader, i, &list);
         opaque[i] = SPSI_DEPTH_MAX;
@@ -21572,7 +21564,7 @@ static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, 
         spsi_store(list.radiance[c], spsi_mul(spsi_load(list.radiance[c]), spsi_load(ahead->filter[c])));
     spsi_v share = spsi_select(spsi_less(spsi_set(0), spsi_load(opaque)), open, spsi_set(0));
     if (ahead) share = spsi_mul(share, spsi_pending_mean(ahead));
-    spsi_add_sent(shader, list.radiance, open, share, p->line.polygon, row);
+    spsi_add_sent(shader, list.radiance, open, share, p->polygon, row);
     row->sum.depth = spsi_min(spsi_add(row->sum.depth, spsi_load(opaque)), spsi_set(SPSI_DEPTH_MAX));
 }
 
@@ -21623,19 +21615,19 @@ static void spsi_group_fractions(const spsi_shader *shader, const spsi_tile *til
 static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                            spsi_slab *slab) {
     const int count = slab->material_count;
-    const size_t at = spsi_tile_at(tile, &p->line, k);
-    const spsi_v zero = spsi_set(0), whole = spsi_mul(spsi_abs(p->line.scale), spsi_set((float)slab->group));
+    const size_t at = spsi_tile_at(tile, p, k);
+    const spsi_v zero = spsi_set(0), whole = spsi_mul(spsi_abs(p->scale), spsi_set((float)slab->group));
     if (!spsi_group_sum(tile, at, p->length, slab)) return 0;
     slab->k = k;
     slab->filled = ~0;
     if (slab->group > 1) spsi_group_fractions(shader, tile, at, p->length, slab);
-    spsi_slab_range(shader, &p->line, k, slab->group, &slab->enter, &slab->leave);
+    spsi_slab_range(shader, p, k, slab->group, &slab->enter, &slab->leave);
     spsi_v way = spsi_sub(slab->leave, slab->enter);
     if (!spsi_bits(spsi_less(zero, way))) return 0;
     slab->first = zero;
     slab->last = spsi_set(1);
     if (spsi_bits(spsi_less(way, spsi_mul(whole, spsi_set(0.999f))))) {
-        const spsi_v a = spsi_plane_depth(&p->line, k);
+        const spsi_v a = spsi_plane_depth(p, k);
         const spsi_v from =
             spsi_div(spsi_abs(spsi_sub(shader->sweep->back_to_front ? slab->leave : slab->enter, a)), whole);
         slab->first = spsi_clamp(from, zero, spsi_set(1));
@@ -21840,14 +21832,14 @@ static void spsi_gathered_store(const spsi_shader *shader, size_t to, const spsi
 /* Early ray termination before plane k. A ray below the threshold becomes opaque, so that no bright background shines
    through; its transmittance counts as visible at the plane. Returns 0 if all rays have ended. */
 static int spsi_end_rays(const spsi_shader *shader, int k, spsi_row *row) {
-    const spsi_line *line = &row->pixels.line;
+    const spsi_pixels *p = &row->pixels;
     spsi_gathered *sum = &row->sum;
     const spsi_m open = spsi_less(sum->depth, spsi_set(shader->end_depth));
     const int bits = spsi_bits(open);
     if (bits != SPSI_ALL_LANES) {
-        const spsi_v d = spsi_min(spsi_plane_depth(line, k), line->polygon);
+        const spsi_v d = spsi_min(spsi_plane_depth(p, k), p->polygon);
         const spsi_v t = spsi_add(d, spsi_set((float)shader->eye->depth_reference));
-        const spsi_v way = spsi_mul(t, row->pixels.length);
+        const spsi_v way = spsi_mul(t, p->length);
         spsi_v left = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
         if (row->has_layers) left = spsi_mul(left, spsi_pending_mean(&row->ahead));
         sum->distance = spsi_select(open, sum->distance, spsi_fma(left, way, sum->distance));
@@ -22391,7 +22383,7 @@ static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *s
 static void spsi_cells_add_moments(const spsi_cell_job *job, const spsi_cell_spot *spot, int channel, spsi_v amount,
                                    const spsi_v harmonic[SPSI_CELL_TERMS]) {
     const spsi_cell_grid *grid = job->grid;
-    const int x = spot->pixels.line.x, end = job->sheets.rays.width - 1;
+    const int x = spot->pixels.x, end = job->sheets.rays.width - 1;
     for (int t = 0; t < grid->terms; ++t)
         spsi_cells_deposit(job->incoming + (size_t)(channel * grid->terms + t) * grid->count + spot->row, x, end, 2, 1,
                            spsi_mul(amount, harmonic[t]));
@@ -22428,7 +22420,7 @@ static void spsi_cells_add_light(const spsi_cell_job *job, const spsi_shadow *sh
         spsi_cells_add_moments(job, spot, c, amount, harmonic);
         if (number < job->grid->light_count)
             spsi_cells_deposit(job->lit + (size_t)(number * channels + c) * job->grid->count + spot->row,
-                               spot->pixels.line.x, job->sheets.rays.width - 1, 2, job->grid->lights[number].weight,
+                               spot->pixels.x, job->sheets.rays.width - 1, 2, job->grid->lights[number].weight,
                                amount);
     }
 }
@@ -24374,7 +24366,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
 /* Widens a slab range to layers of polygons. */
 static void spsi_layers_range(const spsi_shader *shader, const spsi_pixels *p, int width, float *low, float *high) {
     spsi_pending ahead;
-    if (!spsi_pixels_layered(shader, p->line.x, p->line.y, width)) return;
+    if (!spsi_pixels_layered(shader, p->x, p->y, width)) return;
     spsi_pending_begin(shader, p, width, -SPSI_INFINITY, &ahead);
     for (int left = spsi_pending_before(&ahead, SPSI_INFINITY); left;
          left = spsi_pending_before(&ahead, SPSI_INFINITY)) {
@@ -24407,7 +24399,7 @@ static void spsi_polygon_range_task(void *data, int index) {
             spsi_pixels p;
             spsi_pixels_build(&run->shader, x, y, &p);
             spsi_store(lanes, p.polygon_slab);
-            spsi_store(depths, p.line.polygon);
+            spsi_store(depths, p.polygon);
             for (int i = 0; i < width; ++i)
                 if (depths[i] < SPSI_INFINITY) {
                     low = lanes[i] < low ? lanes[i] : low;

@@ -21450,14 +21450,21 @@ static int spsi_pending_before(const spsi_pending *ahead, float slab) {
     return spsi_bits(spsi_less(ahead->slab, spsi_set(slab)));
 }
 
+static int spsi_pixels_layered(const spsi_shader *shader, int x, int y, int width) {
+    const uint32_t *first = shader->visible->layers.first;
+    const size_t pixel = (size_t)y * (size_t)shader->eye->width + (size_t)x;
+    return shader->hits && first && !shader->again.measures && first[pixel] < first[pixel + (size_t)width];
+}
+
 static void spsi_pending_begin(const spsi_shader *shader, const spsi_pixels *p, int width, float low,
                                spsi_pending *ahead) {
     const spsi_layers *layers = &shader->visible->layers;
     const size_t pixel = (size_t)p->y * (size_t)shader->eye->width + (size_t)p->x;
+    const int count = spsi_pixels_layered(shader, p->x, p->y, width) ? width : 0;
     ahead->list = layers->list;
     for (int lane = 0; lane < SPSI_LANES; ++lane) {
-        ahead->first[lane] = lane < width ? layers->first[pixel + (size_t)lane] : 0;
-        ahead->end[lane] = lane < width ? layers->first[pixel + (size_t)lane + 1] : 0;
+        ahead->first[lane] = lane < count ? layers->first[pixel + (size_t)lane] : 0;
+        ahead->end[lane] = lane < count ? layers->first[pixel + (size_t)lane + 1] : 0;
         ahead->nearest[lane] = 1;
         spsi_pending_look(shader, lane, ahead);
     }
@@ -21479,12 +21486,9 @@ typedef struct spsi_row {
     spsi_pixels pixels;
     spsi_slab slab;
     spsi_pending ahead;
-    int has_layers;
     int width;
     spsi_gathered sum;
 } spsi_row;
-
-static const spsi_pending *spsi_row_pending(const spsi_row *row) { return row->has_layers ? &row->ahead : NULL; }
 
 /* Adds surfaces' light that phase functions' peaks scatter straight to the eye: exp(-k t) - exp(-t) of it. */
 static void spsi_add_straight(const spsi_shader *shader, float sent[3][SPSI_LANES], spsi_gathered *sum) {
@@ -21509,63 +21513,49 @@ static void spsi_add_sent(const spsi_shader *shader, float sent[3][SPSI_LANES], 
     sum->distance = spsi_fma(share, way, sum->distance);
 }
 
-/* Front to back, a last layer that blocks all colors makes the ray opaque. */
-static void spsi_add_layers(const spsi_shader *shader, int bits, spsi_row *row) {
-    spsi_pending *ahead = &row->ahead;
+/* Adds the next layers of some pixels, or their opaque hits. Front to back, a last layer that blocks all colors makes
+   the ray opaque. */
+static void spsi_add_polygons(const spsi_shader *shader, int bits, int of_layers, spsi_row *row) {
+    const spsi_pixels *p = &row->pixels;
     const int backwards = shader->sweep->back_to_front;
-    const spsi_v d = spsi_load(ahead->depth), before = row->sum.depth;
+    const spsi_v before = row->sum.depth, d = of_layers ? spsi_load(row->ahead.depth) : p->polygon;
     const spsi_v open = backwards ? spsi_set(1) : spsi_exp(spsi_sub(spsi_set(0), before));
+    spsi_pending *ahead = &row->ahead;
     float sent[3][SPSI_LANES] = {{0}}, covered[SPSI_LANES] = {0}, opaque[SPSI_LANES] = {0};
     spsi_surfaces list;
     memset(&list, 0, sizeof list);
     for (int lane = 0; bits >> lane; ++lane) {
+        spsi_shading_point *place = &list.place[lane];
         if (!(bits >> lane & 1)) continue;
-        spsi_shading_point_of_layer(shader->frame, shader->visible, spsi_pending_next(shader, ahead, lane),
-                                    &list.place[lane]);
-        spsi_surfaces_add(shader, lane, &list);
+        if (of_layers)
+            spsi_shading_point_of_layer(shader->frame, shader->visible, spsi_pending_next(shader, ahead, lane), place);
+        else
+            spsi_shading_point_of_pixel(shader->frame, shader->visible, p->x + lane, p->y, place);
+        if (place->hit->face >= 0) spsi_surfaces_add(shader, lane, &list); /* otherwise an edge, which layers show */
     }
     spsi_surfaces_shade(shader, &list);
-    for (int lane = 0; bits >> lane; ++lane) {
-        const spsi_layer *layer;
-        if (!(bits >> lane & 1)) continue;
-        layer = &ahead->list[spsi_pending_next(shader, ahead, lane)];
-        for (int c = 0; c < 3; ++c) sent[c][lane] = list.radiance[c][lane] * layer->seen[c];
-        covered[lane] = layer->covered;
-        spsi_pending_pass(shader, lane, ahead);
-        if (!backwards && ahead->first[lane] == ahead->end[lane] && spsi_black(layer->behind))
+    for (int lane = 0; list.points.lanes >> lane; ++lane) {
+        const spsi_layer *layer = of_layers ? &ahead->list[spsi_pending_next(shader, ahead, lane)] : NULL;
+        if (!(list.points.lanes >> lane & 1)) continue;
+        for (int c = 0; c < 3; ++c)
+            sent[c][lane] = list.radiance[c][lane] * (layer ? layer->seen[c] : ahead->filter[c][lane]);
+        covered[lane] = layer ? layer->covered : spsi_lane(spsi_pending_mean(ahead), lane);
+        if (layer) spsi_pending_pass(shader, lane, ahead);
+        if (!layer || (!backwards && ahead->first[lane] == ahead->end[lane] && spsi_black(layer->behind)))
             opaque[lane] = SPSI_DEPTH_MAX;
     }
     spsi_add_sent(shader, sent, open, spsi_mul(spsi_load(covered), open), d, row);
     row->sum.depth = spsi_min(spsi_add(before, spsi_load(opaque)), spsi_set(SPSI_DEPTH_MAX));
-    spsi_pending_measure(shader, &row->pixels, ahead);
+    if (of_layers) spsi_pending_measure(shader, p, ahead);
 }
 
 /* Takes slab coordinates in [low, high). */
 static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, spsi_row *row) {
     const spsi_pixels *p = &row->pixels;
-    const spsi_pending *ahead = spsi_row_pending(row);
     const spsi_m here =
         spsi_and(spsi_less(p->polygon_slab, spsi_set(high)), spsi_less(p->polygon, spsi_set(SPSI_INFINITY)));
-    const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, spsi_set(low)));
-    float opaque[SPSI_LANES] = {0};
-    spsi_surfaces list;
-    if (!bits || shader->again.measures) return;
-    spsi_v open = spsi_exp(spsi_sub(spsi_set(0), row->sum.depth));
-    memset(&list, 0, sizeof list);
-    for (int i = 0; i < row->width; ++i) {
-        if (!(bits >> i & 1)) continue;
-        spsi_shading_point_of_pixel(shader->frame, shader->visible, p->x + i, p->y, &list.place[i]);
-        if (list.place[i].hit->face < 0) continue; /* an edge, which layers show */
-        spsi_surfaces_add(shader, i, &list);
-        opaque[i] = SPSI_DEPTH_MAX;
-    }
-    spsi_surfaces_shade(shader, &list);
-    for (int c = 0; c < 3 && ahead; ++c)
-        spsi_store(list.radiance[c], spsi_mul(spsi_load(list.radiance[c]), spsi_load(ahead->filter[c])));
-    spsi_v share = spsi_select(spsi_less(spsi_set(0), spsi_load(opaque)), open, spsi_set(0));
-    if (ahead) share = spsi_mul(share, spsi_pending_mean(ahead));
-    spsi_add_sent(shader, list.radiance, open, share, p->polygon, row);
-    row->sum.depth = spsi_min(spsi_add(row->sum.depth, spsi_load(opaque)), spsi_set(SPSI_DEPTH_MAX));
+    const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, spsi_set(low))) & ((1 << row->width) - 1);
+    if (bits && !shader->again.measures) spsi_add_polygons(shader, bits, 0, row);
 }
 
 /* --- a tile --- */
@@ -21700,27 +21690,18 @@ static int spsi_subslab_cut(const spsi_shader *shader, const spsi_slab *slab, co
     return 1;
 }
 
-/* Layers filter radiance in `filtered`. A part's optical depth counts up to SPSI_FORWARD_END, to keep sums precise. */
-static spsi_sent spsi_subslab_sent(const spsi_shader *shader, const spsi_subslab *part, spsi_v filtered[2][3],
-                                   spsi_gathered *sum) {
-    spsi_sent sent;
-    sent.once = filtered ? filtered[0] : sum->radiance;
-    sent.again = sent.once;
-    sent.ahead = spsi_set(0);
-    if (!shader->again.gas) return sent;
-    sum->gas[0] = spsi_add(sum->gas[0], spsi_min(part->depth, spsi_set(SPSI_FORWARD_END)));
-    sent.again = filtered ? filtered[1] : sum->again;
-    sent.ahead = spsi_max(spsi_sub(sum->gas[1], sum->gas[0]), spsi_set(0));
-    return sent;
-}
-
+/* Layers in front filter what the part sends. Its optical depth counts up to SPSI_FORWARD_END, to keep sums precise. */
 static void spsi_add_subslab(const spsi_shader *shader, const spsi_subslab *part, spsi_row *row) {
     const spsi_pixels *p = &row->pixels;
-    const spsi_pending *ahead = spsi_row_pending(row);
     const spsi_v zero = spsi_set(0);
     spsi_gathered *sum = &row->sum;
-    spsi_v filtered[2][3] = {{zero, zero, zero}, {zero, zero, zero}};
-    const spsi_sent sent = spsi_subslab_sent(shader, part, ahead ? filtered : NULL, sum);
+    spsi_v once[3] = {zero, zero, zero}, again[3] = {zero, zero, zero};
+    spsi_sent sent = {once, once, zero};
+    if (shader->again.gas) {
+        sum->gas[0] = spsi_add(sum->gas[0], spsi_min(part->depth, spsi_set(SPSI_FORWARD_END)));
+        sent.again = again;
+        sent.ahead = spsi_max(spsi_sub(sum->gas[1], sum->gas[0]), zero);
+    }
     if (shader->sweep->back_to_front) {
         const spsi_v through = spsi_exp(spsi_sub(zero, part->depth));
         for (int c = 0; c < shader->frame->channels; ++c) sum->radiance[c] = spsi_mul(sum->radiance[c], through);
@@ -21729,17 +21710,18 @@ static void spsi_add_subslab(const spsi_shader *shader, const spsi_subslab *part
     for (int i = 0; i < shader->shadow_count && shader->frame->matter.scatters; ++i)
         spsi_add_shadowed(shader, &shader->shadows[i], &row->slab, &row->slab.arrivals[i], p, part, &sent);
     if (shader->unshadowed) spsi_add_unshadowed(shader, p, part, &sent);
-    for (int c = 0; c < shader->frame->channels && ahead; ++c) {
-        sum->radiance[c] = spsi_fma(filtered[0][c], spsi_load(ahead->filter[c]), sum->radiance[c]);
-        sum->again[c] = spsi_fma(filtered[1][c], spsi_load(ahead->filter[c]), sum->again[c]);
+    for (int c = 0; c < shader->frame->channels; ++c) {
+        const spsi_v filter = spsi_load(row->ahead.filter[c]);
+        sum->radiance[c] = spsi_fma(once[c], filter, sum->radiance[c]);
+        if (shader->again.gas) sum->again[c] = spsi_fma(again[c], filter, sum->again[c]);
     }
     if (shader->distance) { /* visible here with weight T (1 - exp(-depth)) */
         const spsi_v ahead_of = spsi_sub(spsi_mean_length(part->depth), spsi_set(0.5f));
         const spsi_v seen = spsi_fma(spsi_mul(spsi_set(2), part->half), ahead_of, part->middle);
         const spsi_v t = spsi_add(seen, spsi_set((float)shader->eye->depth_reference));
-        spsi_v covered = spsi_mul(part->depth, spsi_mean_transmittance(part->before, part->after));
-        if (ahead) covered = spsi_mul(covered, spsi_pending_mean(ahead));
-        sum->distance = spsi_fma(covered, spsi_mul(t, p->length), sum->distance);
+        const spsi_v covered = spsi_mul(part->depth, spsi_mean_transmittance(part->before, part->after));
+        sum->distance =
+            spsi_fma(spsi_mul(covered, spsi_pending_mean(&row->ahead)), spsi_mul(t, p->length), sum->distance);
     }
     sum->depth = spsi_min(spsi_add(sum->depth, part->depth), spsi_set(SPSI_DEPTH_MAX));
 }
@@ -21787,7 +21769,7 @@ static void spsi_add_layered(const spsi_shading *shading, int held, float high, 
         cut[1] = spsi_select(here, spsi_clamp(cut[1], cut[0], one), one);
         if (held) spsi_add_subslabs(shading, cut, row);
         if (!bits) return;
-        spsi_add_layers(shader, bits, row);
+        spsi_add_polygons(shader, bits, 1, row);
         cut[0] = cut[1];
     }
 }
@@ -21801,7 +21783,7 @@ static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     row->slab.open = backwards ? SPSI_ALL_LANES : spsi_bits(spsi_less(row->sum.depth, spsi_set(shader->end_depth)));
     int held = shading->slab_count > 0 && spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
     if (shader->hits && backwards) spsi_add_surfaces(shader, low, high, row);
-    if (row->has_layers && spsi_pending_before(&row->ahead, high))
+    if (spsi_pending_before(&row->ahead, high))
         spsi_add_layered(shading, held, high, row);
     else if (held)
         spsi_add_subslabs(shading, NULL, row);
@@ -21840,18 +21822,11 @@ static int spsi_end_rays(const spsi_shader *shader, int k, spsi_row *row) {
         const spsi_v d = spsi_min(spsi_plane_depth(p, k), p->polygon);
         const spsi_v t = spsi_add(d, spsi_set((float)shader->eye->depth_reference));
         const spsi_v way = spsi_mul(t, p->length);
-        spsi_v left = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
-        if (row->has_layers) left = spsi_mul(left, spsi_pending_mean(&row->ahead));
+        const spsi_v left = spsi_mul(spsi_exp(spsi_sub(spsi_set(0), sum->depth)), spsi_pending_mean(&row->ahead));
         sum->distance = spsi_select(open, sum->distance, spsi_fma(left, way, sum->distance));
         sum->depth = spsi_select(open, sum->depth, spsi_set(SPSI_DEPTH_MAX));
     }
     return bits != 0;
-}
-
-static int spsi_pixels_layered(const spsi_shader *shader, int x, int y, int width) {
-    const uint32_t *first = shader->visible->layers.first;
-    const size_t pixel = (size_t)y * (size_t)shader->eye->width + (size_t)x;
-    return shader->hits && first && !shader->again.measures && first[pixel] < first[pixel + (size_t)width];
 }
 
 /* Returns the number of nonempty slabs, times pixels. */
@@ -21870,8 +21845,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     spsi_pixels_build(shader, x, y, &row.pixels);
     for (int i = 0; i < shader->shadow_count; ++i)
         spsi_arrival_begin(&shader->shadows[i], &row.pixels, &row.slab.arrivals[i]);
-    row.has_layers = spsi_pixels_layered(shader, x, y, width);
-    if (row.has_layers) spsi_pending_begin(shader, &row.pixels, width, shading->low, &row.ahead);
+    spsi_pending_begin(shader, &row.pixels, width, shading->low, &row.ahead);
     spsi_gathered_load(shader, at, &row.sum);
     for (int k = 0; k < spsi_imax(shading->slab_count, 1); k += group) {
         held += width * spsi_add_slab(shading, k, &row);
@@ -24366,7 +24340,6 @@ static void spsi_eye_task(void *data, int index, int worker) {
 /* Widens a slab range to layers of polygons. */
 static void spsi_layers_range(const spsi_shader *shader, const spsi_pixels *p, int width, float *low, float *high) {
     spsi_pending ahead;
-    if (!spsi_pixels_layered(shader, p->x, p->y, width)) return;
     spsi_pending_begin(shader, p, width, -SPSI_INFINITY, &ahead);
     for (int left = spsi_pending_before(&ahead, SPSI_INFINITY); left;
          left = spsi_pending_before(&ahead, SPSI_INFINITY)) {

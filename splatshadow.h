@@ -17267,8 +17267,6 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
 #define SPSI_CELL_ORDERS     4  /* maximum: degrees 0 to 3 */
 #define SPSI_CELL_TERMS      16
 #define SPSI_CELL_LEVELS     9  /* 256 cells, halved down to one */
-#define SPSI_CELL_ALONG      21 /* directions that rise along z */
-#define SPSI_CELL_BEAMS      17 /* maximum swept together */
 #define SPSI_CELL_RAYS       64 /* rays per patch into the grid */
 
 /* A discrete ordinate. */
@@ -17276,6 +17274,10 @@ typedef struct spsi_cell_direction {
     int step[3];  /* -1, 0 or 1 */
     int axis;     /* axis of the three steps; -1: straight */
     int length;   /* index of the step length */
+    int beside_count, beside[4][3], link[4]; /* cells interpolated between: steps and links */
+    int follows;        /* 1: the first of them is in the same row */
+    uint32_t links;     /* bits of the others */
+    float share[4];     /* their weights */
     float weight; /* quadrature weight; the sum is 1 */
     float harmonic[SPSI_CELL_TERMS];
     double back[3], across[2][3]; /* unit vectors: opposite, and perpendicular */
@@ -17291,11 +17293,10 @@ typedef struct spsi_cell_level {
     float *average[SPSI_CELL_LENGTHS]; /* its mean along the step */
     float *keep[SPSI_CELL_ORDERS];     /* w' r[l] */
     float *given, *sent, *moments[2];  /* arrays per term; moments[1]: scratch after a sweep */
-    const float *blockers;             /* per cell: radiance entering through closed links; NULL: none */
-    /* Per cell: bit i closes the link of step i, >>lighting; then, from outside the grid, a bit per slanted direction.
-       NULL: all are open. */
-    uint32_t *closed;
-    unsigned char *walled;             /* per row; 1: has closed links; 2: only from outside, which is dark */
+    const float *blockers;             /* per cell: radiance of polygons that stop light on its way here; NULL: 0 */
+    uint32_t *closed;                  /* per cell: bit i closes the link of step i, >>walls; NULL: all are open */
+    const uint64_t *outside;           /* per cell: bit i: direction i enters the grid from a polygon */
+    unsigned char *walled;             /* per row: 1: has closed links */
 } spsi_cell_level;
 
 /* Lookups read two columns. */
@@ -17366,11 +17367,21 @@ SPSI_COLD void spsi_cell_direction_build(int x, int y, int z, int axis, spsi_cel
     static const double weight[SPSI_CELL_LENGTHS] = {4.0 / 315, 64.0 / 2835, 27.0 / 1280, 14641.0 / 725760};
     const int step[3] = {x, y, z};
     double unit[3];
+    memset(direction, 0, sizeof *direction);
     for (int k = 0; k < 3; ++k) unit[k] = step[k] * (k == axis ? 3 : 1);
     memcpy(direction->step, step, sizeof step);
     direction->axis = axis;
     direction->length = axis < 0 ? abs(x) + abs(y) + abs(z) - 1 : 3;
     direction->weight = (float)weight[direction->length];
+    direction->beside_count = axis < 0 ? 1 : 4;
+    for (int i = 0; i < direction->beside_count; ++i) {
+        int *beside = direction->beside[i];
+        for (int k = 0, bit = 0; k < 3; ++k) beside[k] = axis < 0 || k == axis || i >> bit++ & 1 ? step[k] : 0;
+        direction->share[i] = axis < 0 ? 1 : (i == 0 ? 4 : i == 3 ? 1 : 2) / 9.0f;
+        direction->link[i] = spsi_cell_link(beside[0], beside[1], beside[2]);
+    }
+    direction->follows = direction->beside[0][1] == 0 && direction->beside[0][2] == 0;
+    for (int i = direction->follows; i < direction->beside_count; ++i) direction->links |= 1u << direction->link[i];
     spsi_normalise(unit);
     spsi_harmonics(unit, direction->harmonic);
     for (int k = 0; k < 3; ++k) direction->back[k] = -unit[k];
@@ -17399,27 +17410,146 @@ static void spsi_cell_centre(const spsi_cell_grid *grid, int scale, int x, int y
 
 /* --- one sweep --- */
 
-/* Directions swept together: in[i][x] is radiance entering cell x. */
+#define SPSI_CELL_PAD   spsi_imax(2, SPSI_LANES) /* floats between rows: the radiance on either side of the grid */
+#define SPSI_CELL_SWEPT 26                       /* most directions of one sweep */
+
+/* A sweep along z, with the directions that rise or fall, and with half of those within planes. */
+typedef struct spsi_cell_sweep {
+    const spsi_cell_level *level;
+    const spsi_cell_direction *directions[SPSI_CELL_SWEPT];
+    int count, rising; /* rising: the first ones, whose rows may be swept in rising order */
+    float *planes;     /* radiance that leaves the cells: two planes per direction */
+    float *rows;       /* scratch: inflow per direction; two rows of sources */
+} spsi_cell_sweep;
+
+/* Directions of a sweep swept together: in[i][x] is radiance entering cell x. */
 typedef struct spsi_cell_beams {
-    int count;
-    const spsi_cell_direction *direction[SPSI_CELL_BEAMS];
-    const float *in[SPSI_CELL_BEAMS];
-    float *out[SPSI_CELL_BEAMS];
+    const spsi_cell_sweep *sweep;
+    int first, end;
+    const float *in[SPSI_CELL_SWEPT];
+    float *out[SPSI_CELL_SWEPT];
 } spsi_cell_beams;
 
-/* Sweeps a row. Moments begin with the sum of `before`. */
-static inline void spsi_cell_row_of(const spsi_cell_level *level, size_t row, const spsi_cell_beams *beams,
-                                    const float *const before[2], float *moments, int terms) {
+static size_t spsi_cell_row_floats(const spsi_cell_level *level) { return (size_t)(level->pitch + SPSI_CELL_PAD); }
+
+SPSI_COLD size_t spsi_cell_sweep_floats(const spsi_cell_level *level) {
+    const size_t rows = 2 * SPSI_CELL_SWEPT * (size_t)(level->size[1] + 2) + SPSI_CELL_SWEPT + 2;
+    return rows * spsi_cell_row_floats(level) + (size_t)SPSI_CELL_PAD;
+}
+
+/* Straight directions along x, and their slanted neighbours, form pairs: back, then ahead. */
+SPSI_COLD void spsi_cell_sweep_begin(const spsi_cell_level *level, int index, spsi_cell_sweep *sweep) {
+    sweep->level = level;
+    sweep->count = sweep->rising = 0;
+    sweep->planes = level->solver->scratch + (size_t)index * spsi_cell_sweep_floats(level);
+    sweep->rows =
+        sweep->planes + 2 * SPSI_CELL_SWEPT * (size_t)(level->size[1] + 2) * spsi_cell_row_floats(level);
+    memset(sweep->planes, 0, spsi_cell_sweep_floats(level) * sizeof(float));
+    for (int n = 0; n < 2 * SPSI_CELL_DIRECTIONS; ++n) {
+        const spsi_cell_direction *direction = &level->solver->directions[n % SPSI_CELL_DIRECTIONS];
+        const int *step = direction->step, falls = step[1] < 0 && direction->beside[0][2] == 0;
+        if ((step[2] ? step[2] > 0 : step[1] < 0) != index || falls != n / SPSI_CELL_DIRECTIONS) continue;
+        sweep->directions[sweep->count++] = direction;
+        sweep->rising += !falls;
+    }
+}
+
+static float *spsi_cell_sweep_row(const spsi_cell_sweep *sweep, int i, int y, int z) {
+    const int plane = 2 * i + (z & 1);
+    return sweep->planes + SPSI_CELL_PAD +
+           (size_t)(plane * (sweep->level->size[1] + 2) + y + 1) * spsi_cell_row_floats(sweep->level);
+}
+
+/* Sets what enters beside a row: light of polygons beyond the grid, as next to the nearest cell. */
+static void spsi_cell_row_border(const spsi_cell_sweep *sweep, int i, int y, int z) {
+    const spsi_cell_level *level = sweep->level;
+    const int *size = level->size, outside = y < 0 || y >= size[1] || z < 0 || z >= size[2];
+    const int cy = spsi_imax(0, spsi_imin(y, size[1] - 1)), cz = spsi_imax(0, spsi_imin(z, size[2] - 1));
+    const size_t row = (size_t)(cz * size[1] + cy) * (size_t)level->pitch;
+    const int bit = (int)(sweep->directions[i] - level->solver->directions);
+    float *to = spsi_cell_sweep_row(sweep, i, y, z);
+    for (int x = -1; x <= size[0]; x += outside ? 1 : size[0] + 1) {
+        const size_t at = row + (size_t)spsi_imax(0, spsi_imin(x, size[0] - 1));
+        to[x] = level->outside[at] >> bit & 1 ? level->blockers[at] : 0;
+    }
+}
+
+/* Links closed within a row; NULL: none. */
+static const uint32_t *spsi_cell_row_closed(const spsi_cell_level *level, size_t row) {
+    return level->closed && level->walled[row / (size_t)level->pitch] ? level->closed + row : NULL;
+}
+
+/* Inflow, except along x: a neighbour's row, or `own`. */
+static const float *spsi_cell_row_enters(const spsi_cell_sweep *sweep, int i, int y, int z, float *own) {
+    const spsi_cell_level *level = sweep->level;
+    const spsi_cell_direction *direction = sweep->directions[i];
+    const size_t row = (size_t)(z * level->size[1] + y) * (size_t)level->pitch;
+    const uint32_t *closed = spsi_cell_row_closed(level, row);
+    const int first = direction->follows, end = direction->beside_count;
+    const float *from[4];
+    for (int k = first; k < end; ++k) {
+        const int *step = direction->beside[k];
+        from[k] = spsi_cell_sweep_row(sweep, i, y - step[1], z - step[2]) - step[0];
+    }
+    if (!first && end == 1 && !closed) return from[0];
+    for (int x = 0; x < level->pitch; x += SPSI_LANES) {
+        spsi_v sum = spsi_set(0);
+        for (int k = first; k < end; ++k) sum = spsi_fma(spsi_set(direction->share[k]), spsi_load(from[k] + x), sum);
+        spsi_store(own + x, sum);
+    }
+    for (int x = 0; closed && x < level->size[0]; ++x) {
+        const float blocker = level->blockers ? level->blockers[row + (size_t)x] : 0;
+        if (!(closed[x] & direction->links)) continue;
+        own[x] = 0;
+        for (int k = first; k < end; ++k)
+            own[x] += direction->share[k] * (closed[x] >> direction->link[k] & 1 ? blocker : from[k][x]);
+    }
+    return own;
+}
+
+/* Adds weighted outflow of previous cells to inflow, back and ahead along x: pairing hides half of the recurrence's
+   latency. */
+static void spsi_cell_rows_follow(const spsi_cell_sweep *sweep, int pair, int y, int z, float *const in[2]) {
+    const spsi_cell_level *level = sweep->level;
+    const spsi_cell_direction *const *direction = &sweep->directions[pair];
+    const size_t row = (size_t)(z * level->size[1] + y) * (size_t)level->pitch;
+    const uint32_t *closed = spsi_cell_row_closed(level, row);
+    const float *through = level->through[direction[0]->length] + row, share = direction[0]->share[0];
+    const int last = level->size[0] - 1;
+    float *sent = sweep->rows + SPSI_CELL_SWEPT * spsi_cell_row_floats(level), *ahead = sent + level->pitch;
+    float carried[2] = {spsi_cell_sweep_row(sweep, pair, y, z)[last + 1],
+                        spsi_cell_sweep_row(sweep, pair + 1, y, z)[-1]};
+    for (int x = 0; x <= last; x += SPSI_LANES)
+        for (int i = 0; i < 2; ++i) { /* one multiplication remains in the recurrence */
+            spsi_v s = spsi_load(level->sent + row + x), more;
+            for (int t = 1; t < level->solver->terms; ++t)
+                s = spsi_fma(spsi_load(level->sent + (size_t)t * level->count + row + (size_t)x),
+                             spsi_set(direction[i]->harmonic[t]), s);
+            more = spsi_sub(spsi_load(in[i] + x), s);
+            spsi_store((i ? ahead : sent) + x, spsi_fma(more, spsi_load(through + x), s));
+        }
+    for (int n = 0; n <= last; ++n)
+        for (int i = 0; i < 2; ++i) {
+            const int x = i ? n : last - n;
+            if (closed && (closed[x] >> direction[i]->link[0] & 1))
+                carried[i] = level->blockers ? level->blockers[row + (size_t)x] : 0;
+            in[i][x] += share * carried[i];
+            carried[i] = (i ? ahead : sent)[x] + share * through[x] * carried[i];
+        }
+}
+
+/* Sweeps a row. The first directions reset the moments. */
+static inline void spsi_cell_row_of(const spsi_cell_beams *beams, size_t row, float *moments, int terms) {
+    const spsi_cell_level *level = beams->sweep->level;
     for (size_t at = row; at < row + (size_t)level->pitch; at += SPSI_LANES) {
         spsi_v sent[SPSI_CELL_TERMS], sum[SPSI_CELL_TERMS];
         for (int t = 0; t < terms; ++t) {
             const size_t term = (size_t)t * level->count + at;
             sent[t] = spsi_load(level->sent + term);
-            sum[t] = before[0] ? spsi_load(before[0] + term) : spsi_set(0);
-            if (before[1]) sum[t] = spsi_add(sum[t], spsi_load(before[1] + term));
+            sum[t] = beams->first > 0 ? spsi_load(moments + term) : spsi_set(0);
         }
-        for (int i = 0; i < beams->count; ++i) {
-            const spsi_cell_direction *direction = beams->direction[i];
+        for (int i = beams->first; i < beams->end; ++i) {
+            const spsi_cell_direction *direction = beams->sweep->directions[i];
             const spsi_v through = spsi_load(level->through[direction->length] + at);
             const spsi_v average = spsi_load(level->average[direction->length] + at);
             spsi_v s = sent[0], more;
@@ -17434,312 +17564,68 @@ static inline void spsi_cell_row_of(const spsi_cell_level *level, size_t row, co
     }
 }
 
-static void spsi_cell_row(const spsi_cell_level *level, size_t row, const spsi_cell_beams *beams,
-                          const float *const before[2], float *moments, int terms) {
-    if (terms == 1) spsi_cell_row_of(level, row, beams, before, moments, 1);
-    if (terms == 4) spsi_cell_row_of(level, row, beams, before, moments, 4);
-    if (terms == SPSI_CELL_TERMS) spsi_cell_row_of(level, row, beams, before, moments, SPSI_CELL_TERMS);
-}
-
-/* Rows begin with zeros, which bound both neighbouring rows. */
-static size_t spsi_cell_row_floats(const spsi_cell_level *level) { return (size_t)level->pitch + SPSI_LANES; }
-static size_t spsi_cell_plane_floats(const spsi_cell_level *level) {
-    return spsi_cell_row_floats(level) * (size_t)(level->size[1] + 2) + SPSI_LANES;
-}
-
-/* Two planes per direction; 8 rows of slanted inflow, 2 of sources, 9 for closed cells. */
-static size_t spsi_cell_along_floats(const spsi_cell_level *level) {
-    return 2 * SPSI_CELL_ALONG * spsi_cell_plane_floats(level) + 19 * spsi_cell_row_floats(level);
-}
-
-#define SPSI_CELL_ROWS 16 /* rows per plane, for directions within it */
-
-SPSI_COLD size_t spsi_cell_scratch_floats(const spsi_cell_level *finest) {
-    const size_t along = 2 * spsi_cell_along_floats(finest);
-    const size_t rows = SPSI_CELL_ROWS * spsi_cell_row_floats(finest) * (size_t)finest->size[2];
-    return along > rows ? along : rows;
-}
-
-/* Stride between cells with possibly closed links; 0: none. Links from outside matter only for light of polygons. */
-static int spsi_cell_row_closed(const spsi_cell_level *level, size_t row) {
-    const int number = (int)(row / (size_t)level->pitch), y = number % level->size[1], z = number / level->size[1];
-    const int walled = level->closed ? level->walled[number] : 0;
-    if (!walled || (walled == 2 && !level->blockers)) return 0;
-    if (walled == 1 || y == 0 || y == level->size[1] - 1 || z == 0 || z == level->size[2] - 1) return 1;
-    return spsi_imax(1, level->size[0] - 1);
-}
-
-/* Inflow: `in`, or a copy in `own` with closed links. */
-static const float *spsi_cell_row_enters(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
-                                         const float *in, float *own) {
-    const int link = spsi_cell_link(direction->step[0], direction->step[1], direction->step[2]);
-    const int stride = spsi_cell_row_closed(level, row), size = level->size[0];
-    const uint32_t *closed = level->closed;
-    int x = 0;
-    if (!stride) return in;
-    closed += row;
-    while (x < size && !(closed[x] >> link & 1)) x += stride;
-    if (x >= size) return in;
-    for (int n = 0; n < level->pitch; n += SPSI_LANES) spsi_store(own + n, spsi_load(in + n));
-    for (; x < size; x += stride)
-        if (closed[x] >> link & 1) own[x] = level->blockers ? level->blockers[row + (size_t)x] : 0;
-    return own;
-}
-
-static void spsi_cell_row_sent(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
-                               int terms, float *sent) {
-    for (size_t x = 0; x < (size_t)level->pitch; x += SPSI_LANES) {
-        spsi_v s = spsi_load(level->sent + row + x);
-        for (int t = 1; t < terms; ++t)
-            s = spsi_fma(spsi_load(level->sent + (size_t)t * level->count + row + x), spsi_set(direction->harmonic[t]),
-                         s);
-        spsi_store(sent + x, s);
+static void spsi_cell_sweep_row_at(spsi_cell_beams *beams, int y, int z, float *moments) {
+    const spsi_cell_sweep *sweep = beams->sweep;
+    const spsi_cell_level *level = sweep->level;
+    const size_t row = (size_t)(z * level->size[1] + y) * (size_t)level->pitch;
+    const int terms = level->solver->terms;
+    float *own[SPSI_CELL_SWEPT];
+    for (int i = beams->first; i < beams->end; ++i) {
+        own[i] = sweep->rows + (size_t)i * spsi_cell_row_floats(level);
+        beams->in[i] = spsi_cell_row_enters(sweep, i, y, z, own[i]);
+        beams->out[i] = spsi_cell_sweep_row(sweep, i, y, z);
+        if (level->blockers) spsi_cell_row_border(sweep, i, y, z);
+        if (sweep->directions[i]->follows && sweep->directions[i]->step[0] > 0)
+            spsi_cell_rows_follow(sweep, i - 1, y, z, &own[i - 1]);
     }
+    if (terms == 1) spsi_cell_row_of(beams, row, moments, 1);
+    if (terms == 4) spsi_cell_row_of(beams, row, moments, 4);
+    if (terms == SPSI_CELL_TERMS) spsi_cell_row_of(beams, row, moments, SPSI_CELL_TERMS);
+    for (int i = beams->first; i < beams->end && level->blockers; ++i) spsi_cell_row_border(sweep, i, y, z);
 }
 
-/* Links into a row from `step` back. Cell `end` borders the outside, where slanted directions have their own links. */
-typedef struct spsi_cell_links {
-    const uint32_t *closed[2];
-    int bit[2], end;
-} spsi_cell_links;
-
-static spsi_cell_links spsi_cell_links_of(const spsi_cell_level *level, const spsi_cell_direction *direction,
-                                          size_t row, const int step[3]) {
-    const int number = (int)(row / (size_t)level->pitch);
-    const int y = number % level->size[1] - step[1], z = number / level->size[1] - step[2];
-    const int leaves = y < 0 || y >= level->size[1] || z < 0 || z >= level->size[2];
-    spsi_cell_links links;
-    links.end = step[0] == 0 ? -1 : step[0] > 0 ? 0 : level->size[0] - 1;
-    for (int i = 0; i < 2; ++i) {
-        const int outside = direction->axis >= 0 && (i == 1 || leaves);
-        links.closed[i] = level->closed + (outside ? level->count : 0) + row;
-        links.bit[i] = outside ? (int)(direction - level->solver->directions) - SPSI_CELL_STRAIGHT
-                               : spsi_cell_link(step[0], step[1], step[2]);
-    }
-    return links;
-}
-
-static inline int spsi_cell_link_blocked(const spsi_cell_links *links, int x) {
-    const int outside = x == links->end;
-    return (int)(links->closed[outside][x] >> links->bit[outside] & 1);
-}
-
-/* spsi_cell_rows_follow for one direction, with closed links. */
-static void spsi_cell_row_follow_closed(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
-                                        const float *sent, float share, float *in) {
-    const int back = direction->step[0] < 0, step[3] = {direction->step[0], 0, 0};
-    const float *through = level->through[direction->length] + row;
-    const spsi_cell_links links = spsi_cell_links_of(level, direction, row, step);
-    float radiance = 0;
-    for (int n = 0; n < level->pitch; ++n) {
-        const int x = back ? level->pitch - 1 - n : n;
-        const float blocker = level->blockers ? level->blockers[row + (size_t)x] : 0;
-        in[x] += share * (spsi_cell_link_blocked(&links, x) ? blocker : radiance);
-        radiance = sent[x] + (in[x] - sent[x]) * through[x];
-    }
-}
-
-/* Adds outside polygons' light. */
-static void spsi_cell_row_end(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
-                              float share, float *in) {
-    const int step[3] = {direction->step[0], 0, 0};
-    const spsi_cell_links links = spsi_cell_links_of(level, direction, row, step);
-    if (spsi_cell_link_blocked(&links, links.end)) in[links.end] += share * level->blockers[row + (size_t)links.end];
-}
-
-/* Adds weighted outflow of previous cells to inflow, back and ahead along x: pairing hides half of the recurrence's
-   latency. `sent`: scratch rows. */
-static void spsi_cell_rows_follow(const spsi_cell_level *level, size_t row,
-                                  const spsi_cell_direction *const direction[2], float share, float *const sent[2],
-                                  float *const in[2]) {
-    const int last = level->pitch - 1, stride = spsi_cell_row_closed(level, row);
-    const float *through = level->through[direction[0]->length] + row;
-    float back = 0, ahead = 0;
-    for (int i = 0; i < 2; ++i) {
-        spsi_cell_row_sent(level, row, direction[i], level->solver->terms, sent[i]);
-        if (stride == 1) spsi_cell_row_follow_closed(level, row, direction[i], sent[i], share, in[i]);
-        if (stride > 1) spsi_cell_row_end(level, row, direction[i], share, in[i]);
-    }
-    if (stride == 1) return;
-    for (int x = 0; x <= last; x += SPSI_LANES)
-        for (int i = 0; i < 2; ++i) { /* one multiplication remains in the recurrence */
-            const spsi_v s = spsi_load(sent[i] + x), more = spsi_sub(spsi_load(in[i] + x), s);
-            spsi_store(sent[i] + x, spsi_fma(more, spsi_load(through + x), s));
+static void spsi_cell_sweep_plane(const spsi_cell_sweep *sweep, int index, int z) {
+    const spsi_cell_level *level = sweep->level;
+    const int rows = level->size[1];
+    for (int falls = 0; falls < 2; ++falls) {
+        spsi_cell_beams beams;
+        beams.sweep = sweep;
+        beams.first = falls ? sweep->rising : 0;
+        beams.end = falls ? sweep->count : sweep->rising;
+        for (int i = beams.first; i < beams.end && level->blockers; ++i) {
+            spsi_cell_row_border(sweep, i, -1, z);
+            spsi_cell_row_border(sweep, i, rows, z);
         }
-    for (int x = 0; x <= last; ++x) {
-        in[0][last - x] += share * back;
-        in[1][x] += share * ahead;
-        back = sent[0][last - x] + share * through[last - x] * back;
-        ahead = sent[1][x] + share * through[x] * ahead;
+        for (int n = 0; n < rows; ++n)
+            spsi_cell_sweep_row_at(&beams, falls ? rows - 1 - n : n, z, level->moments[index]);
     }
 }
 
-/* --- sweeping --- */
-
-/* A sweep along z, falling (index 0) or rising (1). */
-typedef struct spsi_cell_along {
-    const spsi_cell_level *level;
-    const spsi_cell_direction *directions[SPSI_CELL_ALONG];
-    float *planes, *rows; /* two planes per direction; scratch rows */
-    int index, z, number; /* number: planes swept before this one */
-} spsi_cell_along;
-
-static void spsi_cell_along_begin(const spsi_cell_level *level, int index, spsi_cell_along *along) {
-    const spsi_cell_direction *directions = level->solver->directions;
-    along->level = level;
-    along->index = index;
-    along->planes = level->solver->scratch + (size_t)index * spsi_cell_along_floats(level);
-    along->rows = along->planes + 2 * SPSI_CELL_ALONG * spsi_cell_plane_floats(level);
-    for (int i = 0; i < 9; ++i) along->directions[i] = &directions[(index ? 17 : 0) + i];
-    for (int i = 0; i < 12; ++i) along->directions[9 + i] = &directions[SPSI_CELL_STRAIGHT + 12 * index + i];
-    memset(along->planes, 0, spsi_cell_along_floats(level) * sizeof(float));
-}
-
-static float *spsi_cell_along_row(const spsi_cell_along *along, int direction, int before, int y) {
-    const spsi_cell_level *level = along->level;
-    const int plane = 2 * direction + (before ? along->number % 2 : 1 - along->number % 2);
-    return along->planes + (size_t)plane * spsi_cell_plane_floats(level) +
-           (size_t)(y + 1) * spsi_cell_row_floats(level) + SPSI_LANES;
-}
-
-static const float spsi_cell_weights[4] = {4.0f / 9, 2.0f / 9, 2.0f / 9, 1.0f / 9};
-
-/* Corrects closed cells. Along x, spsi_cell_rows_follow adds the straight neighbour. */
-static void spsi_cell_slant_closed(const spsi_cell_level *level, const spsi_cell_direction *direction, size_t row,
-                                   const float *const from[4], float *in) {
-    const uint32_t *closed = level->closed;
-    const int stride = spsi_cell_row_closed(level, row);
-    const int x = direction->step[0], y = direction->step[1], z = direction->step[2], axis = direction->axis;
-    const int near_y = axis == 2 ? 0 : y, near_z = axis == 2 ? z : 0;
-    const int steps[4][3] = {
-        {0, near_y, near_z}, {x, near_y, near_z}, {axis == 0 ? x : 0, axis == 0 ? 0 : y, z}, {x, y, z}};
-    spsi_cell_links links[4];
-    int found = 0;
-    for (int n = 0; n < level->size[0] && stride; n += stride) {
-        const size_t at = row + (size_t)n;
-        const float blocker = level->blockers ? level->blockers[at] : 0;
-        if (!closed[at] && !closed[level->count + at]) continue;
-        for (int k = 0; k < 4 && !found; ++k) links[k] = spsi_cell_links_of(level, direction, row, steps[k]);
-        found = 1;
-        in[n] = 0;
-        for (int k = axis == 0 ? 1 : 0; k < 4; ++k)
-            in[n] += spsi_cell_weights[k] * (spsi_cell_link_blocked(&links[k], n) ? blocker : from[k][n]);
-    }
-}
-
-/* Slanted inflow, from four cells a third of an edge off the straight one. */
-static void spsi_cell_along_slant(const spsi_cell_along *along, int i, int y, float *in) {
-    const spsi_cell_level *level = along->level;
-    const spsi_cell_direction *direction = along->directions[i];
-    const int x = direction->step[0], back = y - direction->step[1], first = direction->axis == 0 ? 1 : 0;
-    const size_t row = (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch;
-    const float *far_row = spsi_cell_along_row(along, i, 1, back), *beside = spsi_cell_along_row(along, i, 1, y);
-    const float *near_row = direction->axis == 2 ? beside : spsi_cell_along_row(along, i, 0, back);
-    const float *const from[4] = {near_row, near_row - x, first ? beside - x : far_row, far_row - x};
-    for (int n = 0; n < level->pitch; n += SPSI_LANES) {
-        spsi_v sum = spsi_mul(spsi_set(spsi_cell_weights[3]), spsi_load(from[3] + n));
-        for (int k = first; k < 3; ++k) sum = spsi_fma(spsi_set(spsi_cell_weights[k]), spsi_load(from[k] + n), sum);
-        spsi_store(in + n, sum);
-    }
-    spsi_cell_slant_closed(along->level, direction, row, from, in);
-}
-
-/* The last two take three steps along x. */
-static void spsi_cell_along_enter(const spsi_cell_along *along, int first, int y, spsi_cell_beams *beams) {
-    const spsi_cell_level *level = along->level;
-    const size_t pitch = spsi_cell_row_floats(level),
-                 row = (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch;
-    float *const sent[2] = {along->rows + 8 * pitch, along->rows + 9 * pitch};
-    float *slanted[8] = {NULL, NULL};
-    int slants = 0;
-    for (int k = 0; k < beams->count; ++k) {
-        const spsi_cell_direction *direction = along->directions[first + k];
-        const float *left;
-        beams->direction[k] = direction;
-        beams->out[k] = spsi_cell_along_row(along, first + k, 0, y);
-        if (direction->axis >= 0) {
-            slanted[slants] = along->rows + (size_t)slants * pitch;
-            spsi_cell_along_slant(along, first + k, y, slanted[slants]);
-            beams->in[k] = slanted[slants++];
-            continue;
-        }
-        left = spsi_cell_along_row(along, first + k, 1, y - direction->step[1]) - direction->step[0];
-        beams->in[k] = spsi_cell_row_enters(along->level, row, direction, left, along->rows + (size_t)(10 + k) * pitch);
-    }
-    spsi_cell_rows_follow(along->level, row, &beams->direction[beams->count - 2], spsi_cell_weights[0], sent,
-                          &slanted[slants - 2]);
-}
-
-/* The first directions reset the moments. */
-static void spsi_cell_along_sweep(const spsi_cell_along *along, int first, int count, int falls) {
-    const spsi_cell_level *level = along->level;
-    float *moments = level->moments[along->index];
-    const float *const before[2] = {first > 0 ? moments : NULL, NULL};
-    spsi_cell_beams beams;
-    beams.count = count;
-    for (int n = 0; n < level->size[1]; ++n) {
-        const int y = falls ? level->size[1] - 1 - n : n;
-        spsi_cell_along_enter(along, first, y, &beams);
-        spsi_cell_row(level, (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch, &beams, before, moments,
-                      along->level->solver->terms);
-    }
-}
-
-static void spsi_cells_along_task(void *data, int index) {
+static void spsi_cells_sweep_task(void *data, int index) {
     const spsi_cell_level *level = (const spsi_cell_level *)data;
-    const int planes = level->size[2];
-    spsi_cell_along along;
-    spsi_cell_along_begin(level, index, &along);
-    for (along.number = 0; along.number < planes; ++along.number) {
-        along.z = index ? along.number : planes - 1 - along.number;
-        spsi_cell_along_sweep(&along, 0, SPSI_CELL_BEAMS, 0);
-        spsi_cell_along_sweep(&along, SPSI_CELL_BEAMS, 4, 1);
-    }
+    const int planes = level->size[2], before = index ? -1 : planes;
+    spsi_cell_sweep sweep;
+    spsi_cell_sweep_begin(level, index, &sweep);
+    for (int i = 0; i < sweep.count && level->blockers; ++i)
+        for (int y = -1; y <= level->size[1]; ++y) spsi_cell_row_border(&sweep, i, y, before);
+    for (int n = 0; n < planes; ++n) spsi_cell_sweep_plane(&sweep, index, index ? n : planes - 1 - n);
 }
 
-/* Three directions that fall along y, or five others, the first two along x. */
-static void spsi_cells_across(const spsi_cell_level *level, int z, int falls, const float *const before[2],
-                              float *rows) {
-    const spsi_cell_direction *directions = &level->solver->directions[falls ? 9 : 12];
-    const size_t pitch = spsi_cell_row_floats(level);
-    float *const in[2] = {rows + 9 * pitch, rows + 10 * pitch}, *const sent[2] = {rows + 11 * pitch, rows + 12 * pitch};
-    spsi_cell_beams beams;
-    memset(rows, 0, 6 * pitch * sizeof *rows);
-    rows += SPSI_LANES;
-    beams.count = falls ? 3 : 5;
-    for (int n = 0; n < level->size[1]; ++n) {
-        const int y = falls ? level->size[1] - 1 - n : n;
-        const size_t row = (size_t)(z * level->size[1] + y) * (size_t)level->pitch;
-        for (int i = 0; i < beams.count; ++i) {
-            const int k = falls ? i : i - 2;
-            const float *left;
-            beams.direction[i] = &directions[i];
-            if (k < 0) {
-                memset(in[i], 0, pitch * sizeof *rows);
-                beams.in[i] = in[i];
-                beams.out[i] = rows + (size_t)(13 + i) * pitch;
-                continue;
-            }
-            left = rows + (size_t)(2 * k + n % 2) * pitch - directions[i].step[0];
-            beams.in[i] = spsi_cell_row_enters(level, row, &directions[i], left, rows + (size_t)(6 + k) * pitch);
-            beams.out[i] = rows + (size_t)(2 * k + 1 - n % 2) * pitch;
-        }
-        if (!falls) spsi_cell_rows_follow(level, row, beams.direction, 1, sent, in);
-        spsi_cell_row(level, row, &beams, before, level->moments[0], level->solver->terms);
-    }
-}
-
-static void spsi_cells_plane_task(void *data, int z) {
+/* Adds up a plane's moments of both sweeps. */
+static void spsi_cells_add_task(void *data, int z) {
     const spsi_cell_level *level = (const spsi_cell_level *)data;
-    const float *const both[2] = {level->moments[0], level->moments[1]}, *const one[2] = {level->moments[0], NULL};
-    float *rows = level->solver->scratch + SPSI_CELL_ROWS * spsi_cell_row_floats(level) * (size_t)z;
-    spsi_cells_across(level, z, 1, both, rows);
-    spsi_cells_across(level, z, 0, one, rows);
+    const size_t plane = (size_t)(level->size[1] * level->pitch);
+    for (int t = 0; t < level->solver->terms; ++t) {
+        float *sum = level->moments[0] + (size_t)t * level->count + (size_t)z * plane;
+        const float *more = level->moments[1] + (size_t)t * level->count + (size_t)z * plane;
+        for (size_t at = 0; at < plane; at += SPSI_LANES)
+            spsi_store(sum + at, spsi_add(spsi_load(sum + at), spsi_load(more + at)));
+    }
 }
 
 SPSI_COLD void spsi_cells_sweep(spsi_cell_level *level) {
-    spsi_parallel_items(level->solver->context, 2, spsi_cells_along_task, level);
-    spsi_parallel_items(level->solver->context, level->size[2], spsi_cells_plane_task, level);
+    spsi_parallel_items(level->solver->context, 2, spsi_cells_sweep_task, level);
+    spsi_parallel_items(level->solver->context, level->size[2], spsi_cells_add_task, level);
 }
 
 /* --- the equations --- */
@@ -21868,8 +21754,9 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
 
 /* Polygons around each cell: the mean over its closed links. */
 typedef struct spsi_cell_blockers {
-    uint32_t *closed;      /* bits of closed links, as in a level; NULL: no polygons */
-    unsigned char *walled; /* per row, as in a level */
+    uint32_t *closed;      /* as in a level, and so are the next two; NULL: no polygons */
+    uint64_t *outside;
+    unsigned char *walled;
     float *color, *lit;    /* per channel: reflectance; reflected radiance of lights */
     float *place, *normal; /* per axis: relative to the grid's corner */
     float *sent;           /* per cell: radiance in the current channel, minus ambient light */
@@ -22474,7 +22361,7 @@ static int spsi_cell_view_near(const spsi_cell_view *first, int count) {
 
 /* Polygons that a cell's links hit, weighted by nearness. */
 typedef struct spsi_cell_hits {
-    int count, within; /* within: 1: links between cells are closed */
+    int count;
     spsi_surface surface[SPSI_CELL_HITS];
     int face[SPSI_CELL_HITS];
     double color[SPSI_CELL_HITS][3], lit[SPSI_CELL_HITS][3], weight[SPSI_CELL_HITS];
@@ -22614,17 +22501,11 @@ static void spsi_cell_blockers_find(const spsi_cell_job *job, const spsi_cell_vi
     for (int k = 0; k < 3; ++k) last |= view->at[k] == 0 || view->at[k] == view->size[k] - 1;
     hits->count = 0;
     if (near_by) job->blockers.closed[at] = spsi_cell_view_closed(view, hits);
-    hits->within = job->blockers.closed[at] != 0;
     for (int i = 0; i < SPSI_CELL_DIRECTIONS && last; ++i) {
-        const spsi_cell_direction *direction = &job->directions[i];
-        const int *step = direction->step;
         spsi_ray ray;
         spsi_hit hit;
-        if (!spsi_cell_view_outside(view, direction, i, &ray, &hit)) continue;
-        if (direction->axis < 0)
-            job->blockers.closed[at] |= 1u << spsi_cell_link(step[0], step[1], step[2]);
-        else
-            job->blockers.closed[job->grid->count + at] |= 1u << (i - SPSI_CELL_STRAIGHT);
+        if (!spsi_cell_view_outside(view, &job->directions[i], i, &ray, &hit)) continue;
+        job->blockers.outside[at] |= (uint64_t)1 << i;
         spsi_cell_hits_add(view, &ray, &hit, hits);
     }
 }
@@ -22644,7 +22525,7 @@ static void spsi_cells_blockers_task(void *data, int row) {
         if (hits.count == 0) continue;
         spsi_cell_hits_light_all(job, &hits);
         spsi_cell_blockers_set(job, &hits, at);
-        job->blockers.walled[row] = job->blockers.walled[row] == 1 || hits.within ? 1 : 2;
+        if (job->blockers.closed[at]) job->blockers.walled[row] = 1;
     }
 }
 
@@ -22652,7 +22533,7 @@ static void spsi_cells_blockers_task(void *data, int row) {
 SPSI_COLD size_t spsi_cell_rows_floats(const int size[3]) { return (size_t)(size[1] * size[2] / 4 + 1); }
 
 SPSI_COLD size_t spsi_cell_blockers_floats(const spsi_cell_grid *grid) {
-    return (size_t)(10 + 2 * grid->channels) * grid->count + spsi_cell_rows_floats(grid->size);
+    return (size_t)(11 + 2 * grid->channels) * grid->count + spsi_cell_rows_floats(grid->size);
 }
 
 SPSI_COLD sps_result spsi_cell_blockers_begin(spsi_cell_job *job) {
@@ -22664,8 +22545,9 @@ SPSI_COLD sps_result spsi_cell_blockers_begin(spsi_cell_job *job) {
     memory = (float *)spsi_reserve(job->context, SPSI_BUFFER_CELL_BLOCKERS, floats, sizeof(float));
     if (!memory) return job->context->result;
     memset(memory, 0, floats * sizeof *memory);
-    blockers->closed = (uint32_t *)(void *)memory;
-    blockers->color = memory + 2 * count;
+    blockers->outside = (uint64_t *)(void *)memory;
+    blockers->closed = (uint32_t *)(void *)(memory + 2 * count);
+    blockers->color = memory + 3 * count;
     blockers->lit = blockers->color + channels * count;
     blockers->place = blockers->lit + channels * count;
     blockers->normal = blockers->place + 3 * count;
@@ -22684,7 +22566,7 @@ static double spsi_cell_blockers_send(const spsi_cell_job *job, int c) {
     double changed = 0, all = 0;
     for (size_t at = 0; at < count; ++at) {
         double point[3], normal[3], color, sent;
-        if (!blockers->closed[at] && !blockers->closed[count + at]) continue;
+        if (!blockers->closed[at] && !blockers->outside[at]) continue;
         color = (double)blockers->color[own + at];
         sent = color * ambient + (double)blockers->lit[own + at] - ambient;
         if (job->blocker_light && spsi_cell_blockers_mean(job, at, point, normal)) {
@@ -22831,7 +22713,10 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
             const int axis = way / 2, back = way % 2 ? 1 : -1, last = view.at[axis] == (way % 2 ? size[axis] - 1 : 0);
             spsi_cell_hits hits;
             hits.count = 0;
-            if (!(job->blockers.closed[at] >> (13 - back * (axis == 0 ? 1 : axis == 1 ? 3 : 9)) & 1)) continue;
+            const int link = 13 - back * (axis == 0 ? 1 : axis == 1 ? 3 : 9); /* directions omit 13, the cell itself */
+            const uint64_t blocked = last ? job->blockers.outside[at] >> (link - (link > 13))
+                                          : job->blockers.closed[at] >> link;
+            if (!(blocked & 1)) continue;
             for (int i = 0; i < rays; ++i) {
                 const double turn = i * 0.6180339887498949, aside[2] = {(i + 0.5) / rays, turn - floor(turn)};
                 spsi_ray ray = {{view.centre[0], view.centre[1], view.centre[2]}, {0, 0, 0}, 0, last ? 3.0 : 1.0};
@@ -23058,7 +22943,7 @@ SPSI_COLD size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, flo
 SPSI_COLD size_t spsi_cell_solver_blocker_floats(const spsi_cell_solver *solver) {
     size_t floats = 3 * (size_t)solver->terms * solver->levels[0].count;
     for (int n = 1; n < solver->level_count; ++n)
-        floats += 2 * solver->levels[n].count + spsi_cell_rows_floats(solver->levels[n].size);
+        floats += solver->levels[n].count + spsi_cell_rows_floats(solver->levels[n].size);
     return floats;
 }
 
@@ -23081,7 +22966,7 @@ SPSI_COLD size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_sol
         floats += spsi_cell_level_lay_out(level, grid->orders, NULL);
         if (longest <= 4) break;
     }
-    floats += spsi_cell_scratch_floats(&solver->levels[0]) + 4 * (size_t)grid->size[2] + 2;
+    floats += 2 * spsi_cell_sweep_floats(&solver->levels[0]) + 4 * (size_t)grid->size[2] + 2;
     return grid->flux_terms > 0 ? floats + spsi_cell_solver_blocker_floats(solver) : floats;
 }
 
@@ -23127,13 +23012,14 @@ static void spsi_cells_close_task(void *data, int row) {
 SPSI_COLD void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     spsi_cell_solver *solver = job->solver;
     const size_t floats = (size_t)solver->terms * solver->levels[0].count;
-    float *memory = solver->scratch + spsi_cell_scratch_floats(&solver->levels[0]);
+    float *memory = solver->scratch + 2 * spsi_cell_sweep_floats(&solver->levels[0]);
     memset(memory, 0, spsi_cell_solver_blocker_floats(solver) * sizeof *memory);
     solver->levels[0].closed = job->blockers.closed;
     solver->levels[0].walled = job->blockers.walled;
-    for (int n = 0; n < job->grid->size[1] * job->grid->size[2]; ++n) solver->walled |= job->blockers.walled[n] == 1;
+    for (int n = 0; n < job->grid->size[1] * job->grid->size[2]; ++n) solver->walled |= job->blockers.walled[n];
     *plain = solver->levels[0];
     plain->blockers = job->blockers.sent;
+    plain->outside = job->blockers.outside;
     plain->sent = memory;
     plain->moments[0] = memory + floats;
     plain->moments[1] = memory + 2 * floats;
@@ -23141,8 +23027,8 @@ SPSI_COLD void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     for (job->level = 1; job->level < solver->level_count; ++job->level) {
         spsi_cell_level *level = &solver->levels[job->level];
         level->closed = (uint32_t *)(void *)memory;
-        level->walled = (unsigned char *)(memory + 2 * level->count);
-        memory += 2 * level->count + spsi_cell_rows_floats(level->size);
+        level->walled = (unsigned char *)(memory + level->count);
+        memory += level->count + spsi_cell_rows_floats(level->size);
         spsi_parallel_items(job->context, level->size[1] * level->size[2], spsi_cells_close_task, job);
     }
 }

@@ -565,8 +565,8 @@ typedef struct sps_light {
        proportional, error nearly inversely. */
     int samples;
     int no_shadow; /* 1: casts no shadow, and has only single scattering in gas */
-    /* NULL: see shadow_source. Otherwise shadows in gas come from a map with these settings (all zero: a table). It has
-       no slicing limit, and six faces around a point light amid gas. near_depth, far_depth and surface_bias must be 0.
+    /* NULL: see shadow_source. Otherwise shadows in gas come from a map with these settings (all zero: a table). Each
+       call evaluates maps of other techniques at a table's planes, two per texel's width. A map has no slicing limit, and six faces around a point light amid gas. near_depth, far_depth and surface_bias must be 0.
        An error for area lights. If all volumes have a revision, the next call reuses a table, or updates it where gas
        has changed; a failing call may release it. Few components blotch dense or surface-shaded volumes. Borrowed for
        the call. */
@@ -2851,13 +2851,6 @@ typedef struct spsi_node {
     float u, value;
 } spsi_node;
 
-/* Texel (x, y) starts at floats + y * stride + x. */
-typedef struct spsi_texels {
-    const float *floats;
-    int stride;
-    spsi_v x, y;
-} spsi_texels;
-
 typedef struct spsi_technique {
     const char *name;             /* with article, for errors */
     int least, most, step, usual; /* components: minimum, maximum, step, default */
@@ -2871,9 +2864,9 @@ typedef struct spsi_technique {
     void (*insert)(const sps_tmap_settings *settings, float *sums, size_t stride, const spsi_intervals *intervals);
     /* Converts sums to stored components; NULL: identical. */
     void (*finish)(const sps_tmap_settings *settings, float *texel);
-    /* Optical depth before u in 0..1; NULL: see `optical_depth`. */
-    spsi_v (*optical_depths)(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u);
-    /* Variant with a search or in double precision; NULL: see `optical_depths`. */
+    /* Optical depth before a vector of u in 0..1; NULL: see `optical_depth`. */
+    spsi_v (*optical_depths)(const sps_tmap_settings *settings, const float *texel, spsi_v u);
+    /* Variant in double precision; NULL: see `optical_depths`. */
     float (*optical_depth)(const sps_tmap_settings *settings, const float *texel, float u);
     /* Guaranteed bounds; NULL: 0 .. SPSI_DEPTH_MAX. */
     void (*bracket)(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]);
@@ -2891,12 +2884,18 @@ static inline float spsi_interval_fraction(const spsi_interval *interval, float 
     return soft > 0 ? t * (6 * (1 - soft) + t * (6 * soft - 3 - 2 * soft * t)) / (3 - 2 * soft) : t;
 }
 
-/* Exact optical depth before u, for a list sorted by u0; u = 1 includes everything. */
-static inline float spsi_intervals_optical_depth(const spsi_interval *list, uint32_t count, float u) {
-    double sum = 0;
-    for (uint32_t i = 0; i < count && list[i].u0 <= u; ++i)
-        sum += (double)list[i].depth * (u < 1 ? (double)spsi_interval_fraction(&list[i], u) : 1);
-    return (float)spsi_dmin(sum, (double)SPSI_DEPTH_MAX);
+/* Exact optical depths before rising u, for a list sorted by u0; u = 1 includes everything. */
+static void spsi_intervals_optical_depths(const spsi_interval *list, uint32_t count, int u_count, const float *u,
+                                          float *depths) {
+    uint32_t first = 0; /* intervals before lie wholly before u */
+    double before = 0;
+    for (int k = 0; k < u_count; ++k) {
+        for (; first < count && (list[first].u1 <= u[k] || u[k] >= 1); ++first) before += (double)list[first].depth;
+        double sum = before;
+        for (uint32_t i = first; i < count && list[i].u0 <= u[k]; ++i)
+            sum += (double)list[i].depth * (double)spsi_interval_fraction(&list[i], u[k]);
+        depths[k] = (float)spsi_dmin(sum, (double)SPSI_DEPTH_MAX);
+    }
 }
 
 /* Total order, so that round-off does not depend on insertion order. */
@@ -2958,10 +2957,6 @@ static inline spsi_v spsi_intervals_capped(const spsi_intervals *intervals) {
 }
 
 static inline void spsi_accumulate(float *sums, spsi_v more) { spsi_store(sums, spsi_add(spsi_load(sums), more)); }
-
-static inline spsi_v spsi_texels_at(const spsi_texels *texels, spsi_v k) {
-    return spsi_lookup(texels->floats, texels->stride, spsi_add(texels->x, k), texels->y);
-}
 
 /* Range of the intervals within 0..1. Returns 0 if empty. */
 static int spsi_intervals_extent(const spsi_intervals *intervals, float *first, float *last) {
@@ -3164,15 +3159,14 @@ typedef struct spsi_knots {
     spsi_v u, depth;
 } spsi_knots;
 
-static inline spsi_knots spsi_opacity_knots(const sps_tmap_settings *settings, const spsi_texels *texels,
-                                            spsi_v plane) {
+static inline spsi_knots spsi_opacity_knots(const sps_tmap_settings *settings, const float *texel, spsi_v plane) {
     const spsi_v zero = spsi_set(0), at = spsi_clamp(plane, zero, spsi_set((float)(settings->components - 1)));
     const spsi_m before = spsi_less(plane, zero);
     spsi_knots knots;
     knots.u = settings->planes ? spsi_lookup(settings->planes, 0, at, zero)
                                : spsi_div(spsi_add(at, spsi_set(1)), spsi_set((float)settings->components));
     knots.u = spsi_select(before, zero, knots.u);
-    knots.depth = spsi_select(before, zero, spsi_texels_at(texels, at));
+    knots.depth = spsi_select(before, zero, spsi_lookup(texel, 0, at, zero));
     return knots;
 }
 
@@ -3215,12 +3209,12 @@ static inline spsi_v spsi_steffen_end(const spsi_knots *a, const spsi_knots *b, 
 }
 
 /* Monotone cubic between planes i - 1 (b) and i (c); exact for lines. */
-static inline spsi_v spsi_opacity_cubic(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v i,
+static inline spsi_v spsi_opacity_cubic(const sps_tmap_settings *settings, const float *texel, spsi_v i,
                                         const spsi_knots *b, const spsi_knots *c, spsi_v t) {
     const spsi_v one = spsi_set(1), even = spsi_secant(b, c), rest = spsi_sub(one, t),
                  rise = spsi_sub(c->depth, b->depth);
-    const spsi_knots a = spsi_opacity_knots(settings, texels, spsi_sub(i, spsi_set(2)));
-    const spsi_knots d = spsi_opacity_knots(settings, texels, spsi_add(i, one));
+    const spsi_knots a = spsi_opacity_knots(settings, texel, spsi_sub(i, spsi_set(2)));
+    const spsi_knots d = spsi_opacity_knots(settings, texel, spsi_add(i, one));
     const spsi_m first = spsi_less(i, spsi_set(0.5f));
     const spsi_m last = spsi_less(spsi_set((float)settings->components - 1.5f), i);
     const spsi_v first_slope = spsi_select(last, even, spsi_steffen_end(b, c, &d));
@@ -3233,13 +3227,13 @@ static inline spsi_v spsi_opacity_cubic(const sps_tmap_settings *settings, const
 }
 
 /* Cost: two lookups, four if cubic; settings->planes adds a comparison per plane. */
-static spsi_v spsi_opacity_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
+static spsi_v spsi_opacity_optical_depths(const sps_tmap_settings *settings, const float *texel, spsi_v u) {
     const spsi_v zero = spsi_set(0), i = spsi_planes_from(settings, u);
-    const spsi_knots before = spsi_opacity_knots(settings, texels, spsi_sub(i, spsi_set(1)));
-    const spsi_knots after = spsi_opacity_knots(settings, texels, i);
+    const spsi_knots before = spsi_opacity_knots(settings, texel, spsi_sub(i, spsi_set(1)));
+    const spsi_knots after = spsi_opacity_knots(settings, texel, i);
     const spsi_v share = spsi_ratio(spsi_sub(u, before.u), spsi_sub(after.u, before.u));
     const spsi_v t = spsi_clamp(share, zero, spsi_set(1));
-    const spsi_v depth = settings->cubic ? spsi_opacity_cubic(settings, texels, i, &before, &after, t)
+    const spsi_v depth = settings->cubic ? spsi_opacity_cubic(settings, texel, i, &before, &after, t)
                                          : spsi_mix(before.depth, after.depth, t);
     return spsi_select(spsi_less(zero, u), spsi_select(spsi_less(u, after.u), depth, after.depth), zero);
 }
@@ -3289,14 +3283,13 @@ static void spsi_fourier_insert(const sps_tmap_settings *settings, float *sums, 
 }
 
 /* Sum of a0 u / 2 and (a_k sin(2 pi k u) + b_k (1 - cos(2 pi k u))) / (2 pi k). */
-static spsi_v spsi_fourier_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
-    const spsi_v half = spsi_mul(spsi_set(0.5f), spsi_texels_at(texels, spsi_set(0)));
+static spsi_v spsi_fourier_optical_depths(const sps_tmap_settings *settings, const float *texel, spsi_v u) {
+    const spsi_v half = spsi_set(0.5f * texel[0]);
     spsi_v cosine, sine, c, s, sum = spsi_mul(half, u);
     spsi_cos_sin(u, &cosine, &sine);
     c = cosine, s = sine;
     for (int k = 1; 2 * k < settings->components; ++k) {
-        const spsi_v a = spsi_texels_at(texels, spsi_set((float)(2 * k - 1)));
-        const spsi_v b = spsi_texels_at(texels, spsi_set((float)(2 * k)));
+        const spsi_v a = spsi_set(texel[2 * k - 1]), b = spsi_set(texel[2 * k]);
         const spsi_v both = spsi_fma(a, s, spsi_mul(b, spsi_sub(spsi_set(1), c)));
         sum = spsi_add(sum, spsi_mul(both, spsi_set((float)(1 / (2 * SPSI_PI * k)))));
         spsi_rotate(&c, &s, cosine, sine);
@@ -3650,7 +3643,7 @@ static const spsi_technique spsi_techniques[] = {
      spsi_moment_bracket},
     {"a Beer map", 3, 3, 1, 3, 0, 0, 1, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_optical_depths, NULL,
      spsi_opacity_bracket},
-    {"a shadow table", 8, 1024, 1, 256, 0, 0, 0, spsi_opacity_insert, NULL, spsi_opacity_optical_depths, NULL, NULL},
+    {"a shadow table", 8, 1024, 1, 256, 0, 0, 0, spsi_opacity_insert, NULL, NULL, NULL, NULL},
     {"a depth map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL},
 };
 
@@ -8267,6 +8260,58 @@ static double spsi_versine(const spsi_light *light, const double travel[3]) {
 /* Whole offset to a point light, unit vector to a directional one. */
 static void spsi_toward_light(const spsi_light *light, const double point[3], double toward[3]) {
     for (int i = 0; i < 3; ++i) toward[i] = light->is_point ? light->position[i] - point[i] : -light->direction[i];
+}
+
+/* --- a light's texels --- */
+
+#define SPSI_GUARD_BAND 0.05 /* fraction of the depth range, free at either end: Fourier series are periodic */
+
+/* Up to six faces of rays. u runs from 0 at near_depth to 1 at far_depth. */
+typedef struct spsi_light_grid {
+    int face_count;
+    spsi_rays rays[SPSI_CUBE_FACES];
+    double near_depth, far_depth, per_depth; /* per_depth: 1 / (far - near) */
+} spsi_light_grid;
+
+SPSI_COLD size_t spsi_light_grid_texels(const spsi_light_grid *grid) {
+    return spsi_ray_count(&grid->rays[0]) * (size_t)grid->face_count;
+}
+
+/* Depth of a corner along the axis of its face. */
+static double spsi_light_grid_corner_depth(const spsi_light_grid *grid, const spsi_bounds *bounds, int corner) {
+    double point[3], q[3], t = 0;
+    spsi_bounds_corner(bounds, corner, point);
+    spsi_project(&grid->rays[0], point, q);
+    for (int i = 0; i < 3; ++i) t = spsi_dmax(t, fabs(point[i] - grid->rays[0].origin[i]));
+    return grid->face_count > 1 ? t : q[2];
+}
+
+SPSI_COLD void spsi_light_grid_set_range(double near_depth, double far_depth, spsi_light_grid *grid) {
+    grid->near_depth = near_depth;
+    grid->far_depth = far_depth;
+    grid->per_depth = 1 / (far_depth - near_depth);
+    for (int face = 0; face < grid->face_count; ++face) grid->rays[face].depth_reference = near_depth;
+}
+
+/* Texels over the light's medium, and its range of depths. */
+SPSI_COLD sps_result spsi_light_grid_aim(sps_context *context, const spsi_frame *frame, const spsi_light *light,
+                                         spsi_light_grid *grid) {
+    const int has_guard = light->map.technique == SPS_TMAP_FOURIER && !light->map.texel_range;
+    grid->face_count = spsi_light_rays(frame, light, grid->rays);
+    if (grid->face_count == 0)
+        return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, light->index, "shadow_map", 0,
+                              SPSI_TEXELS_ALIKE);
+    double low = grid->face_count > 1 ? 0 : HUGE_VAL, high = -HUGE_VAL;
+    for (int corner = 0; corner < 8; ++corner) {
+        const double t = spsi_light_grid_corner_depth(grid, spsi_light_bounds(frame, light), corner);
+        low = spsi_dmin(low, t);
+        high = spsi_dmax(high, t);
+    }
+    /* distant gas still needs a range */
+    high = spsi_dmax(high, low + spsi_dmax(1e-12 * fabs(low), DBL_MIN / DBL_EPSILON));
+    const double room = has_guard ? SPSI_GUARD_BAND * (high - low) : 0, first = low - room;
+    spsi_light_grid_set_range(grid->rays[0].perspective ? spsi_dmax(first, 0) : first, high + room, grid);
+    return SPS_OK;
 }
 
 /* =========================================================================================== >>projectors
@@ -13414,7 +13459,6 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
    texel and component in a band of 64 rows, or 16 per interval. */
 
 #define SPSI_NO_SURFACE 1e30f /* u where there is none, far behind far_depth */
-#define SPSI_GUARD_BAND 0.05  /* fraction of the depth range, free at either end: Fourier series are periodic */
 
 typedef struct spsi_added {
     spsi_buffer lists[3]; /* volumes, meshes, and sets of particles */
@@ -13422,16 +13466,30 @@ typedef struct spsi_added {
 } spsi_added;
 
 typedef struct spsi_tmap_data {
-    spsi_buffer texels;   /* components, intervals or nodes, or a table's pairs of planes */
+    spsi_buffer texels;   /* components, intervals or nodes */
     spsi_buffer starts;   /* lists: each texel's first item, and the end */
     spsi_buffer surfaces; /* u of the first opaque surface; no data: none */
-    spsi_buffer prints;   /* shadow tables with a key: per face and tile */
 } spsi_tmap_data;
 
 typedef struct spsi_tile_fingerprints {
     uint64_t open; /* mask of patches to fill; the others stay */
     uint64_t patches[64];
 } spsi_tile_fingerprints;
+
+/* A light's shadow table: optical depth at even planes, as packed pairs of neighbours. */
+typedef struct spsi_shadow_table {
+    int light;          /* its light's index */
+    int is_made;        /* 1: complete */
+    int updates;        /* 1: an earlier call's, whose changed patches are filled again */
+    int waits;          /* 1: made for the cells; a sweep will take it */
+    int planes;
+    float end;          /* optical depth where it ends */
+    spsi_light_grid grid;
+    uint64_t key;       /* fingerprint of its input; 0: not cached */
+    uint64_t aim;       /* fingerprint of rays and planes, and so of entries */
+    spsi_buffer pairs;
+    spsi_buffer prints; /* with a key: fingerprints per face and tile */
+} spsi_shadow_table;
 
 struct sps_tmap {
     sps_context *context;
@@ -13442,78 +13500,78 @@ struct sps_tmap {
     sps_view view;
     double matrix[16]; /* world_to_clip */
     int has_range;     /* 1: a texel begins with the u of its first and last occluder */
-    int has_vectors;   /* 1: lookups take vectors */
-    int face_count, replace_invalid, finished, failed;
-    int waits; /* 1: a light's own map, made for the cells; a sweep will take it */
-    spsi_rays rays[SPSI_CUBE_FACES];
-    float table_end;  /* shadow table: optical depth where it ends */
-    uint64_t key;     /* shadow table: fingerprint of its input; 0: not cached */
-    uint64_t aim;     /* fingerprint of rays and planes, and so of entries */
-    int updates;      /* 1: updates the last call's table */
-    double per_depth; /* 1 / (far - near) */
-    double bias[2];   /* surface bias in t: bias[0] + bias[1] * t */
+    int replace_invalid, finished, failed;
+    spsi_light_grid grid;
+    double bias[2];           /* surface bias in t: bias[0] + bias[1] * t */
+    spsi_shadow_table *table; /* receives the sums instead of `data`; NULL: none */
     spsi_buffer planes;
     spsi_added added; /* until the map is finished */
     spsi_tmap_data data;
 };
 
-SPSI_COLD size_t spsi_tmap_texel_count(const sps_tmap *map) {
-    return spsi_ray_count(&map->rays[0]) * (size_t)map->face_count;
-}
-
-static spsi_tile_fingerprints *spsi_tmap_fingerprints(const sps_tmap *map, int face, int row, int column) {
-    const int columns = spsi_tile_columns(&map->rays[0]), rows = spsi_tile_rows(&map->rays[0]);
-    spsi_tile_fingerprints *prints = (spsi_tile_fingerprints *)map->data.prints.data;
+static spsi_tile_fingerprints *spsi_table_fingerprints(const spsi_shadow_table *table, int face, int row, int column) {
+    const int columns = spsi_tile_columns(&table->grid.rays[0]), rows = spsi_tile_rows(&table->grid.rays[0]);
+    spsi_tile_fingerprints *prints = (spsi_tile_fingerprints *)table->prints.data;
     return prints ? prints + ((size_t)face * (size_t)rows + (size_t)row) * (size_t)columns + column : NULL;
 }
 
-static uint64_t spsi_tmap_patches(const sps_tmap *map, int row, int column) {
-    return spsi_patch_box(0, 0, map->rays[0].width - 1 - column * SPSI_TILE_WIDTH,
-                          map->rays[0].height - 1 - row * SPSI_TILE_HEIGHT);
+static uint64_t spsi_table_patches(const spsi_shadow_table *table, int row, int column) {
+    return spsi_patch_box(0, 0, table->grid.rays[0].width - 1 - column * SPSI_TILE_WIDTH,
+                          table->grid.rays[0].height - 1 - row * SPSI_TILE_HEIGHT);
 }
 
 SPSI_COLD size_t spsi_tmap_item_count(const sps_tmap *map) {
-    return ((const uint32_t *)map->data.starts.data)[spsi_tmap_texel_count(map)];
+    return ((const uint32_t *)map->data.starts.data)[spsi_light_grid_texels(&map->grid)];
 }
 
 static const float *spsi_tmap_texel(const sps_tmap *map, size_t index) {
     return (const float *)map->data.texels.data + index * (size_t)map->settings.components;
 }
 
-/* Optical depth of gas before u, for vector lookups. */
-static spsi_v spsi_tmap_texels_depths(const sps_tmap *map, const spsi_texels *texels, spsi_v u) {
-    const spsi_v zero = spsi_set(0), one = spsi_set(1);
-    spsi_texels inner = *texels;
-    if (!map->technique->optical_depths) return zero; /* no gas */
-    if (!map->has_range) return map->technique->optical_depths(&map->inner, texels, u);
-    const spsi_v first = spsi_texels_at(texels, zero), length = spsi_sub(spsi_texels_at(texels, one), first);
-    spsi_v within = spsi_div(spsi_sub(u, first), spsi_max(length, spsi_set(FLT_MIN)));
-    within = spsi_select(spsi_less(zero, length), spsi_clamp(within, zero, one), one);
-    inner.x = spsi_add(texels->x, spsi_set(2));
-    return spsi_select(spsi_less(u, first), zero, map->technique->optical_depths(&map->inner, &inner, within));
+/* Optical depths before rising u in a texel's list. */
+static void spsi_tmap_list_depths(const sps_tmap *map, size_t index, int u_count, const float *u, float *depths) {
+    const uint32_t *starts = (const uint32_t *)map->data.starts.data + index;
+    const uint32_t count = starts[1] - starts[0];
+    const void *list = (const char *)map->data.texels.data + starts[0] * map->technique->lists;
+    if (map->settings.technique == SPS_TMAP_DEEP) {
+        spsi_intervals_optical_depths((const spsi_interval *)list, count, u_count, u, depths);
+        return;
+    }
+    for (int k = 0; k < u_count; ++k)
+        depths[k] = spsi_optical_depth_of(spsi_nodes_transmittance((const spsi_node *)list, count, u[k]));
 }
 
-static float spsi_tmap_optical_depth(const sps_tmap *map, size_t index, float u) {
-    const spsi_texels one = {spsi_tmap_texel(map, index), 0, spsi_set(0), spsi_set(0)};
-    if (map->technique->lists) {
-        const uint32_t *starts = (const uint32_t *)map->data.starts.data + index;
-        const uint32_t count = starts[1] - starts[0];
-        const void *list = (const char *)map->data.texels.data + starts[0] * map->technique->lists;
-        return map->settings.technique == SPS_TMAP_DEEP
-                   ? spsi_intervals_optical_depth((const spsi_interval *)list, count, u)
-                   : spsi_optical_depth_of(spsi_nodes_transmittance((const spsi_node *)list, count, u));
+static spsi_v spsi_tmap_vector_depths(const sps_tmap *map, const float *texel, spsi_v u) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    if (!map->has_range) return map->technique->optical_depths(&map->inner, texel, u);
+    const spsi_v first = spsi_set(texel[0]), length = spsi_set(texel[1] - texel[0]);
+    spsi_v within = spsi_div(spsi_sub(u, first), spsi_max(length, spsi_set(FLT_MIN)));
+    within = spsi_select(spsi_less(zero, length), spsi_clamp(within, zero, one), one);
+    return spsi_select(spsi_less(u, first), zero, map->technique->optical_depths(&map->inner, texel + 2, within));
+}
+
+/* Optical depths of gas in a texel, before rising u. */
+static void spsi_tmap_depths(const sps_tmap *map, size_t index, int count, const float *u, float *depths) {
+    const spsi_technique *technique = map->technique;
+    if (technique->lists) spsi_tmap_list_depths(map, index, count, u, depths);
+    for (int i = 0; i < count && technique->optical_depths; i += SPSI_LANES) {
+        const int some = spsi_imin(SPSI_LANES, count - i);
+        const spsi_v found = spsi_tmap_vector_depths(map, spsi_tmap_texel(map, index), spsi_load_first(u + i, some));
+        spsi_store_first(depths + i, found, some);
     }
-    if (map->technique->optical_depth) return map->technique->optical_depth(&map->inner, one.floats, u);
-    return spsi_one(spsi_tmap_texels_depths(map, &one, spsi_set(u)));
+    for (int i = 0; i < count && technique->optical_depth; ++i)
+        depths[i] = technique->optical_depth(&map->inner, spsi_tmap_texel(map, index), u[i]);
 }
 
 static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float bounds[2]) {
     bounds[0] = 0;
     bounds[1] = SPSI_DEPTH_MAX;
     if (map->settings.technique == SPS_TMAP_DEEP) {
-        bounds[0] = bounds[1] = spsi_tmap_optical_depth(map, index, u);
+        spsi_tmap_list_depths(map, index, 1, &u, bounds);
+        bounds[1] = bounds[0];
     } else if (map->settings.technique == SPS_TMAP_COMPRESSED && map->settings.components == 0) {
-        const float through = expf(-spsi_tmap_optical_depth(map, index, u)), epsilon = map->inner.epsilon;
+        spsi_tmap_list_depths(map, index, 1, &u, bounds);
+        const float through = expf(-bounds[0]), epsilon = map->inner.epsilon;
         bounds[0] = spsi_fmax(-logf(spsi_fmin(through + epsilon, 1)), 0);
         bounds[1] = through > epsilon ? -logf(through - epsilon) : SPSI_DEPTH_MAX;
     } else if (map->technique->bracket) {
@@ -13533,24 +13591,25 @@ typedef struct spsi_tmap_quad {
 } spsi_tmap_quad;
 
 static size_t spsi_quad_texel(const sps_tmap *map, const spsi_tmap_quad *quad, int i) {
-    return (size_t)quad->row[i >> 1] * (size_t)map->rays[0].width + (size_t)quad->column[i & 1];
+    return (size_t)quad->row[i >> 1] * (size_t)map->grid.rays[0].width + (size_t)quad->column[i & 1];
 }
 
 /* Returns 0 outside of the map, before near_depth, and for non-finite points. */
 static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_tmap_quad *quad) {
-    const int width = map->rays[0].width, height = map->rays[0].height;
+    const spsi_light_grid *grid = &map->grid;
+    const int width = grid->rays[0].width, height = grid->rays[0].height;
     double q[3], offset[3];
     int x, y, face = 0;
-    if (map->face_count > 1) {
-        spsi_along(point, map->rays[0].origin, -1, offset);
+    if (grid->face_count > 1) {
+        spsi_along(point, grid->rays[0].origin, -1, offset);
         face = spsi_cube_face_of(offset);
     }
-    spsi_project(&map->rays[face], point, q);
+    spsi_project(&grid->rays[face], point, q);
     if (!(fabs(q[0]) <= DBL_MAX && fabs(q[1]) <= DBL_MAX && fabs(q[2]) <= DBL_MAX)) return 0;
     quad->t = q[2];
-    quad->u = (float)spsi_dmin((q[2] - map->settings.near_depth) * map->per_depth, 1);
-    if (!(quad->u >= 0) || (map->rays[face].perspective && !(q[2] > 0))) return 0;
-    if (map->face_count > 1) /* round-off must not leave the face */
+    quad->u = (float)spsi_dmin((q[2] - grid->near_depth) * grid->per_depth, 1);
+    if (!(quad->u >= 0) || (grid->rays[face].perspective && !(q[2] > 0))) return 0;
+    if (grid->face_count > 1) /* round-off must not leave the face */
         q[0] = spsi_dmin(spsi_dmax(q[0], 0), width - 1), q[1] = spsi_dmin(spsi_dmax(q[1], 0), height - 1);
     if (!(q[0] >= -0.5 && q[1] >= -0.5 && q[0] <= width - 0.5 && q[1] <= height - 0.5)) return 0;
     x = (int)floor(q[0]);
@@ -13565,8 +13624,8 @@ static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_tma
 
 /* Bilinear weight of texels without a surface before the point. */
 static double spsi_tmap_lit(const sps_tmap *map, const spsi_tmap_quad *quad) {
-    const double bias = (map->bias[0] + map->bias[1] * quad->t) * map->per_depth;
-    const double u = (quad->t - map->settings.near_depth) * map->per_depth; /* may exceed 1 */
+    const double bias = (map->bias[0] + map->bias[1] * quad->t) * map->grid.per_depth;
+    const double u = (quad->t - map->grid.near_depth) * map->grid.per_depth; /* may exceed 1 */
     const float *surfaces = (const float *)map->data.surfaces.data;
     double lit = 0, sum = 0;
     if (!surfaces) return 1;
@@ -13577,94 +13636,59 @@ static double spsi_tmap_lit(const sps_tmap *map, const spsi_tmap_quad *quad) {
     return lit < sum ? lit / sum : 1;
 }
 
+/* Optical depth of gas and transmittance of surfaces at a world point, located in double precision. */
+static double spsi_tmap_at(const sps_tmap *map, const double point[3], double *lit) {
+    spsi_tmap_quad quad;
+    double sum = 0;
+    *lit = 1;
+    if (!spsi_tmap_locate(map, point, &quad)) return 0;
+    for (int i = 0; i < 4; ++i) {
+        float depth = 0;
+        if (quad.weight[i] > 0) spsi_tmap_depths(map, spsi_quad_texel(map, &quad, i), 1, &quad.u, &depth);
+        sum += quad.weight[i] * (double)depth;
+    }
+    *lit = spsi_tmap_lit(map, &quad);
+    return spsi_dmin(sum, (double)SPSI_DEPTH_MAX);
+}
+
 /* Texels around a vector of points; weights are 0 outside of the map. */
 typedef struct spsi_tmap_quads {
     spsi_v column[2], row[2], weight[4], u;
 } spsi_tmap_quads;
 
-/* Weight 0 is skipped. */
-static spsi_v spsi_tmap_each_optical_depth(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
-    float columns[SPSI_LANES], rows[SPSI_LANES], us[SPSI_LANES], weights[SPSI_LANES];
-    spsi_store(columns, column);
-    spsi_store(rows, row);
-    spsi_store(us, u);
-    spsi_store(weights, weight);
-    for (int i = 0; i < SPSI_LANES; ++i) {
-        const size_t texel = (size_t)rows[i] * (size_t)map->rays[0].width + (size_t)columns[i];
-        us[i] = weights[i] > 0 ? spsi_tmap_optical_depth(map, texel, us[i]) : 0;
-    }
-    return spsi_load(us);
-}
-
-#define SPSI_SHADOW_TABLE_SIDE                                                                                         \
-    4 /* side of a block: its planes are 64 bytes, fetched together */
+#define SPSI_SHADOW_TABLE_SIDE        4 /* side of a block: its planes are 64 bytes, fetched together */
 #define SPSI_SHADOW_TABLE_TEXELS      (SPSI_SHADOW_TABLE_SIDE * SPSI_SHADOW_TABLE_SIDE)
 #define SPSI_SHADOW_TABLE_MOST        65535.0f   /* stands for table_end */
 #define SPSI_SHADOW_TABLE_BLOCKS_MOST 16777216.0 /* planes of blocks, counted by floats */
 
 /* Blocks along a row; all blocks. */
-static int spsi_shadow_table_columns(const sps_tmap *map) {
-    return (map->rays[0].width + SPSI_SHADOW_TABLE_SIDE - 1) / SPSI_SHADOW_TABLE_SIDE;
+static int spsi_shadow_table_columns(const spsi_light_grid *grid) {
+    return (grid->rays[0].width + SPSI_SHADOW_TABLE_SIDE - 1) / SPSI_SHADOW_TABLE_SIDE;
 }
 
-SPSI_COLD double spsi_shadow_table_blocks(const sps_tmap *map) {
-    const int rows = (map->rays[0].height * map->face_count + SPSI_SHADOW_TABLE_SIDE - 1) / SPSI_SHADOW_TABLE_SIDE;
-    return (double)spsi_shadow_table_columns(map) * rows;
+SPSI_COLD double spsi_shadow_table_blocks(const spsi_light_grid *grid) {
+    const int rows = (grid->rays[0].height * grid->face_count + SPSI_SHADOW_TABLE_SIDE - 1) / SPSI_SHADOW_TABLE_SIDE;
+    return (double)spsi_shadow_table_columns(grid) * rows;
 }
 
 /* Optical depth before u in a table. Plane k lies at u = (k + 1) / n; plane -1 is 0. Item k packs planes k - 1 and k.
    Blocks store texels row by row. */
-static inline spsi_v spsi_shadow_table_at(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
-    const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(u, planes);
+static inline spsi_v spsi_shadow_table_at(const spsi_shadow_table *table, spsi_v column, spsi_v row, spsi_v u) {
+    const spsi_v planes = spsi_set((float)table->planes), at = spsi_mul(u, planes);
     const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1)));
     const spsi_v side = spsi_set(SPSI_SHADOW_TABLE_SIDE), per_side = spsi_set(1.0f / SPSI_SHADOW_TABLE_SIDE);
     const spsi_v x = spsi_floor(spsi_mul(column, per_side)), y = spsi_floor(spsi_mul(row, per_side));
-    const spsi_v block = spsi_fma(y, spsi_set((float)spsi_shadow_table_columns(map)), x);
+    const spsi_v block = spsi_fma(y, spsi_set((float)spsi_shadow_table_columns(&table->grid)), x);
     const spsi_v within = spsi_fma(spsi_sub(row, spsi_mul(y, side)), side, spsi_sub(column, spsi_mul(x, side)));
     spsi_v pair[2];
-    spsi_lookup_pair((const uint32_t *)map->data.texels.data, SPSI_SHADOW_TABLE_TEXELS, within,
+    spsi_lookup_pair((const uint32_t *)table->pairs.data, SPSI_SHADOW_TABLE_TEXELS, within,
                      spsi_fma(block, planes, k), pair);
-    return spsi_mul(spsi_mix(pair[0], pair[1], spsi_sub(at, k)), spsi_set(map->table_end / SPSI_SHADOW_TABLE_MOST));
-}
-
-static spsi_v spsi_tmap_texel_optical_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
-    const float components = (float)map->settings.components;
-    const spsi_texels texels = {(const float *)map->data.texels.data, map->rays[0].width * map->settings.components,
-                                spsi_mul(column, spsi_set(components)), row};
-    if (map->settings.technique == SPS_TMAP_TABLE) return spsi_shadow_table_at(map, column, row, u);
-    return map->has_vectors ? spsi_tmap_texels_depths(map, &texels, u)
-                            : spsi_tmap_each_optical_depth(map, column, row, u, weight);
-}
-
-/* Optical depth of gas and transmittance of surfaces at up to SPSI_LANES world points, located in double precision. */
-static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, float *depths, double *lit) {
-    float column[4 * SPSI_LANES] = {0}, row[4 * SPSI_LANES] = {0}, u[4 * SPSI_LANES] = {0};
-    float weight[4 * SPSI_LANES] = {0}, depth[4 * SPSI_LANES];
-    for (int n = 0; n < count; ++n) {
-        spsi_tmap_quad quad;
-        lit[n] = 1;
-        if (!spsi_tmap_locate(map, points + 3 * n, &quad)) continue;
-        lit[n] = spsi_tmap_lit(map, &quad);
-        for (int i = 0; i < 4; ++i) {
-            column[4 * n + i] = (float)quad.column[i & 1];
-            row[4 * n + i] = (float)quad.row[i >> 1];
-            weight[4 * n + i] = (float)quad.weight[i];
-            u[4 * n + i] = quad.u;
-        }
-    }
-    for (int i = 0; i < 4 * count; i += SPSI_LANES)
-        spsi_store(depth + i, spsi_tmap_texel_optical_depths(map, spsi_load(column + i), spsi_load(row + i),
-                                                             spsi_load(u + i), spsi_load(weight + i)));
-    for (int n = 0; n < count; ++n) {
-        double sum = 0;
-        for (int i = 4 * n; i < 4 * n + 4; ++i) sum += (double)weight[i] * (double)depth[i];
-        depths[n] = (float)spsi_dmin(sum, (double)SPSI_DEPTH_MAX);
-    }
+    return spsi_mul(spsi_mix(pair[0], pair[1], spsi_sub(at, k)), spsi_set(table->end / SPSI_SHADOW_TABLE_MOST));
 }
 
 /* Converts world offsets to texel coordinates and t - near_depth. Returns the cube faces. */
-static spsi_v spsi_tmap_project_to_cube(const sps_tmap *map, const spsi_v offset[3], spsi_v seen[3]) {
-    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), last = spsi_set((float)map->rays[0].width - 1);
+static spsi_v spsi_light_grid_project_to_cube(const spsi_light_grid *grid, const spsi_v offset[3], spsi_v seen[3]) {
+    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), last = spsi_set((float)grid->rays[0].width - 1);
     const spsi_v x = spsi_abs(offset[0]), y = spsi_abs(offset[1]), z = spsi_abs(offset[2]);
     const spsi_m is_y = spsi_less(x, y), is_z = spsi_less(spsi_max(x, y), z);
     spsi_v axes[3], per_distance, face; /* face's axis and the two after it */
@@ -13673,20 +13697,20 @@ static spsi_v spsi_tmap_project_to_cube(const sps_tmap *map, const spsi_v offset
     per_distance = spsi_div(half, spsi_max(spsi_abs(axes[0]), spsi_set(FLT_MIN * 16)));
     face = spsi_select(is_z, spsi_set(4), spsi_select(is_y, spsi_set(2), zero));
     for (int i = 0; i < 2; ++i) seen[i] = spsi_mul(spsi_fma(axes[i + 1], per_distance, half), last);
-    seen[2] = spsi_sub(spsi_abs(axes[0]), spsi_set((float)map->settings.near_depth));
+    seen[2] = spsi_sub(spsi_abs(axes[0]), spsi_set((float)grid->near_depth));
     return spsi_add(face, spsi_select(spsi_less(axes[0], zero), spsi_set(1), zero));
 }
 
 /* Finds the texels around points: world offsets from a light with six faces, else undivided ray coordinates, t relative
    to near_depth. Floats suffice within an image. */
-static void spsi_quads_build(const sps_tmap *map, const spsi_v q[3], spsi_tmap_quads *quads) {
-    const float size[2] = {(float)map->rays[0].width, (float)map->rays[0].height};
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), per_depth = spsi_set((float)map->per_depth);
+static void spsi_quads_build(const spsi_light_grid *grid, const spsi_v q[3], spsi_tmap_quads *quads) {
+    const float size[2] = {(float)grid->rays[0].width, (float)grid->rays[0].height};
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), per_depth = spsi_set((float)grid->per_depth);
     spsi_v seen[3] = {q[0], q[1], q[2]}, shares[2][2], face = zero;
-    if (map->face_count > 1) {
-        face = spsi_tmap_project_to_cube(map, q, seen);
-    } else if (map->rays[0].perspective) {
-        const spsi_v distance = spsi_add(q[2], spsi_set((float)map->settings.near_depth));
+    if (grid->face_count > 1) {
+        face = spsi_light_grid_project_to_cube(grid, q, seen);
+    } else if (grid->rays[0].perspective) {
+        const spsi_v distance = spsi_add(q[2], spsi_set((float)grid->near_depth));
         const spsi_v scale = spsi_div(one, spsi_max(distance, spsi_set(FLT_MIN * 16)));
         for (int i = 0; i < 2; ++i) seen[i] = spsi_mul(q[i], scale);
     }
@@ -13708,14 +13732,12 @@ static void spsi_quads_build(const sps_tmap *map, const spsi_v q[3], spsi_tmap_q
 }
 
 /* Optical depth of gas at points, as for spsi_quads_build. All four texels are evaluated at the point's u. */
-static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
+static spsi_v spsi_shadow_table_lookup(const spsi_shadow_table *table, const spsi_v q[3]) {
     spsi_v sum = spsi_set(0);
     spsi_tmap_quads quads;
-    spsi_quads_build(map, q, &quads);
-    for (int i = 0; i < 4; ++i) {
-        const spsi_v column = quads.column[i & 1], row = quads.row[i >> 1], weight = quads.weight[i];
-        sum = spsi_fma(weight, spsi_tmap_texel_optical_depths(map, column, row, quads.u, weight), sum);
-    }
+    spsi_quads_build(&table->grid, q, &quads);
+    for (int i = 0; i < 4; ++i)
+        sum = spsi_fma(quads.weight[i], spsi_shadow_table_at(table, quads.column[i & 1], quads.row[i >> 1], quads.u), sum);
     return spsi_min(sum, spsi_set(SPSI_DEPTH_MAX));
 }
 
@@ -13797,23 +13819,24 @@ typedef struct spsi_map_tile {
 } spsi_map_tile;
 
 static int spsi_filling_height(const spsi_filling *filling) {
-    return spsi_imin(SPSI_TILE_HEIGHT, filling->map->rays[0].height - filling->band.row * SPSI_TILE_HEIGHT);
+    return spsi_imin(SPSI_TILE_HEIGHT, filling->map->grid.rays[0].height - filling->band.row * SPSI_TILE_HEIGHT);
 }
 
 SPSI_COLD size_t spsi_band_floats(const sps_tmap *map, int components) {
-    const size_t tiles = (size_t)spsi_tile_columns(&map->rays[0]);
-    const size_t height = (size_t)spsi_imin(SPSI_TILE_HEIGHT, map->rays[0].height);
-    return (size_t)components * ((size_t)map->rays[0].width * height + tiles * SPSI_LANES);
+    const size_t tiles = (size_t)spsi_tile_columns(&map->grid.rays[0]);
+    const size_t height = (size_t)spsi_imin(SPSI_TILE_HEIGHT, map->grid.rays[0].height);
+    return (size_t)components * ((size_t)map->grid.rays[0].width * height + tiles * SPSI_LANES);
 }
 
 static void spsi_map_tile_place(const spsi_filling *filling, int column, spsi_map_tile *into) {
+    const spsi_shadow_table *table = filling->map->table;
     const spsi_tile_fingerprints *prints =
-        spsi_tmap_fingerprints(filling->map, filling->band.face, filling->band.row, column);
+        table ? spsi_table_fingerprints(table, filling->band.face, filling->band.row, column) : NULL;
     into->filling = filling;
     into->open = prints ? prints->open : ~UINT64_C(0);
     into->x0 = column * SPSI_TILE_WIDTH;
     into->y0 = filling->band.row * SPSI_TILE_HEIGHT;
-    into->width = spsi_imin(SPSI_TILE_WIDTH, filling->map->rays[0].width - into->x0);
+    into->width = spsi_imin(SPSI_TILE_WIDTH, filling->map->grid.rays[0].width - into->x0);
     into->height = spsi_filling_height(filling);
     into->stride = (size_t)(into->width * into->height) + SPSI_LANES;
     const size_t before = (size_t)into->x0 * (size_t)into->height + (size_t)column * SPSI_LANES;
@@ -13826,7 +13849,7 @@ static int spsi_map_tile_is_open(const spsi_map_tile *into, int x0, int y0, int 
 }
 
 static size_t spsi_map_tile_texel(const spsi_map_tile *into, int x, int y) {
-    const spsi_rays *rays = &into->filling->map->rays[0];
+    const spsi_rays *rays = &into->filling->map->grid.rays[0];
     return ((size_t)into->filling->band.face * (size_t)rays->height + (size_t)y) * (size_t)rays->width + (size_t)x;
 }
 
@@ -13935,7 +13958,7 @@ static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const sps
 /* Inserts a chord, cut at the light. `in_t`: middle and half length in t, optical depth. */
 static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, const float in_t[3]) {
     const spsi_filling *filling = into->filling;
-    const double per_t = filling->map->per_depth, light = filling->light_u;
+    const double per_t = filling->map->grid.per_depth, light = filling->light_u;
     const double u0 = ((double)in_t[0] - (double)in_t[1]) * per_t, u1 = ((double)in_t[0] + (double)in_t[1]) * per_t;
     const double from = spsi_dmax(u0, light), part = (u1 - from) / (u1 - u0);
     const double share = soft ? part * part * (3 - 2 * part) : part;
@@ -13974,10 +13997,10 @@ static void spsi_insert_cut_chords(const spsi_map_tile *into, int soft, int x, i
 
 static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sphere, int x, int y, int last) {
     const spsi_filling *filling = into->filling;
-    const spsi_v per_t = spsi_set((float)filling->map->per_depth), zero = spsi_set(0), one = spsi_set(1);
+    const spsi_v per_t = spsi_set((float)filling->map->grid.per_depth), zero = spsi_set(0), one = spsi_set(1);
     const spsi_m here = spsi_less(spsi_iota(), spsi_set((float)(last - x) + 0.5f));
     spsi_chord chord;
-    spsi_sphere_chord(&filling->map->rays[filling->band.face], sphere, x, y, &chord);
+    spsi_sphere_chord(&filling->map->grid.rays[filling->band.face], sphere, x, y, &chord);
     spsi_intervals intervals = {spsi_mul(spsi_sub(chord.middle, chord.half), per_t),
                                 spsi_mul(spsi_add(chord.middle, chord.half), per_t),
                                 spsi_select(here, spsi_chord_depth(sphere, &chord), zero), (float)sphere->soft};
@@ -14013,7 +14036,7 @@ static uint32_t spsi_tile_sphere(const spsi_occluders *occluders, int tile, uint
 static void spsi_insert_triangle(const spsi_map_tile *into, int number) {
     const spsi_filling *filling = into->filling;
     const sps_tmap *map = filling->map;
-    const spsi_rays *rays = &map->rays[filling->band.face];
+    const spsi_rays *rays = &map->grid.rays[filling->band.face];
     const int *box = filling->occluders->boxes + 4 * number;
     const float depth = spsi_face_optical_depth(&filling->occluders->faces.list[number]);
     float *surfaces = (float *)map->data.surfaces.data;
@@ -14026,7 +14049,7 @@ static void spsi_insert_triangle(const spsi_map_tile *into, int number) {
             if (!spsi_face_hit(&edges, x, y, w)) continue;
             t = w[0] * edges.depth[0] + w[1] * edges.depth[1] + w[2] * edges.depth[2];
             if (rays->perspective && !(t + rays->depth_reference > 0)) continue;
-            u = t * map->per_depth; /* may lie outside of 0..1 */
+            u = t * map->grid.per_depth; /* may lie outside of 0..1 */
             if (!opaque) {
                 const float at = (float)spsi_dmin(spsi_dmax(u, 0), 1);
                 const spsi_interval sheet = {at, at, depth, 0};
@@ -14125,12 +14148,12 @@ static void spsi_clear_task(void *data, int index) {
     memset(into.sums, 0, (size_t)map->inner.components * into.stride * sizeof(float));
 }
 
-/* Packs a texel's planes. `y` counts rows of all faces; plane k is at sums[k * stride]. */
-static void spsi_shadow_table_store(const sps_tmap *map, int x, int y, const float *sums, size_t stride) {
-    const int planes = map->settings.components, side = SPSI_SHADOW_TABLE_SIDE;
-    const size_t block = (size_t)(y / side) * (size_t)spsi_shadow_table_columns(map) + (size_t)(x / side);
-    uint32_t *to = (uint32_t *)map->data.texels.data + block * (size_t)planes * SPSI_SHADOW_TABLE_TEXELS;
-    const float end = map->table_end;
+/* Packs a texel's planes. `y` counts rows of all faces; sums[k * stride] is the depth from plane k - 1 to plane k. */
+static void spsi_shadow_table_store(const spsi_shadow_table *table, int x, int y, const float *sums, size_t stride) {
+    const int planes = table->planes, side = SPSI_SHADOW_TABLE_SIDE;
+    const size_t block = (size_t)(y / side) * (size_t)spsi_shadow_table_columns(&table->grid) + (size_t)(x / side);
+    uint32_t *to = (uint32_t *)table->pairs.data + block * (size_t)planes * SPSI_SHADOW_TABLE_TEXELS;
+    const float end = table->end;
     uint32_t before = 0;
     double sum = 0;
     for (int k = 0; k < planes; ++k) {
@@ -14152,8 +14175,9 @@ static void spsi_store_task(void *data, int index) {
         const int x = into.x0 + i % into.width, y = into.y0 + i / into.width;
         const size_t texel = spsi_map_tile_texel(&into, x, y);
         if (!spsi_map_tile_is_open(&into, x, y, x, y)) continue;
-        if (map->settings.technique == SPS_TMAP_TABLE) {
-            spsi_shadow_table_store(map, x, (int)(texel / (size_t)map->rays[0].width), into.sums + i, into.stride);
+        if (map->table) {
+            const int row = (int)(texel / (size_t)map->grid.rays[0].width);
+            spsi_shadow_table_store(map->table, x, row, into.sums + i, into.stride);
             continue;
         }
         float *out = (float *)map->data.texels.data + texel * (size_t)map->settings.components;
@@ -14192,7 +14216,7 @@ SPSI_COLD sps_result spsi_fill_sums(spsi_filling *filling) {
 
 SPSI_COLD sps_result spsi_fill_lists(spsi_filling *filling) {
     sps_context *context = filling->context;
-    const size_t texels = (size_t)filling->map->rays[0].width * (size_t)spsi_filling_height(filling);
+    const size_t texels = (size_t)filling->map->grid.rays[0].width * (size_t)spsi_filling_height(filling);
     filling->band.starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_CURSORS, 2 * texels + 1, sizeof(uint32_t));
     if (!filling->band.starts) return context->result;
     filling->band.cursors = filling->band.starts + texels + 1;
@@ -14296,16 +14320,18 @@ static void spsi_fit_task(void *data, int index, int worker) {
     }
 }
 
-SPSI_COLD sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) {
-    const spsi_subject at = spsi_settings_of(map->context, map->light);
+/* Fails if a map of a light (-1: none) exceeds a budget (0: none). */
+SPSI_COLD sps_result spsi_check_map_budget(sps_context *context, int light, size_t budget, double bytes) {
+    const spsi_subject at = spsi_settings_of(context, light);
     char rule[96];
+    if (budget == 0 || bytes <= (double)budget) return SPS_OK;
     SPS_SNPRINTF(rule, sizeof rule, "the map takes %.0f bytes", bytes);
-    return spsi_fail_member(&at, SPS_ERROR_MEMORY, "byte_budget", (double)map->settings.byte_budget, rule);
+    return spsi_fail_member(&at, SPS_ERROR_MEMORY, "byte_budget", (double)budget, rule);
 }
 
 SPSI_COLD sps_result spsi_append_band(spsi_filling *filling) {
     sps_tmap *map = filling->map;
-    const size_t texels = (size_t)map->rays[0].width * (size_t)spsi_filling_height(filling);
+    const size_t texels = (size_t)map->grid.rays[0].width * (size_t)spsi_filling_height(filling);
     const size_t item = map->technique->lists;
     uint32_t *starts = (uint32_t *)map->data.starts.data + filling->band.first_texel;
     memcpy(starts + 1, filling->band.cursors, texels * sizeof *starts);
@@ -14313,8 +14339,8 @@ SPSI_COLD sps_result spsi_append_band(spsi_filling *filling) {
     if (sum > UINT32_MAX)
         return spsi_fail_field(filling->context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "items", (double)sum,
                                "2^32 - 1 are held at most");
-    if (map->settings.byte_budget && (double)sum * (double)item > (double)map->settings.byte_budget)
-        return spsi_tmap_refuse_budget(map, (double)sum * (double)item);
+    if (spsi_check_map_budget(map->context, map->light, map->settings.byte_budget, (double)sum * (double)item))
+        return filling->context->result;
     spsi_buffer_extend(filling->context, &map->data.texels, starts[0], (size_t)sum, item);
     return filling->context->result;
 }
@@ -14423,18 +14449,18 @@ SPSI_COLD void spsi_spheres_into_tiles(const spsi_sphere *spheres, size_t count,
 /* Counts spheres beyond the depth range; on a cube, on the centre's face only. */
 SPSI_COLD void spsi_spheres_outside(sps_tmap *map, const spsi_rays *rays, const spsi_sphere *spheres, size_t count) {
     const double per_length = rays->per_length;
-    const double light = rays->perspective ? -map->settings.near_depth * map->per_depth : -HUGE_VAL;
+    const double light = rays->perspective ? -map->grid.near_depth * map->grid.per_depth : -HUGE_VAL;
     for (size_t i = 0; i < count; ++i) {
         const spsi_sphere *sphere = &spheres[i];
         const double radius = sphere->near_by ? (double)sphere->world_radius * per_length : (double)sphere->radius;
         const double low =
-            spsi_dmax(((double)sphere->t - radius) * map->per_depth, light); /* nothing is lost behind the light */
-        const double high = ((double)sphere->t + radius) * map->per_depth;
+            spsi_dmax(((double)sphere->t - radius) * map->grid.per_depth, light); /* nothing is lost behind the light */
+        const double high = ((double)sphere->t + radius) * map->grid.per_depth;
         double offset[3];
         if (sphere->x1 < sphere->x0 || sphere->y1 < sphere->y0 || (low > -SPSI_OUTSIDE && high < 1 + SPSI_OUTSIDE))
             continue;
         for (int k = 0; k < 3; ++k) offset[k] = (double)sphere->offset[k];
-        if (map->face_count > 1 && rays != &map->rays[spsi_cube_face_of(offset)]) continue;
+        if (map->grid.face_count > 1 && rays != &map->grid.rays[spsi_cube_face_of(offset)]) continue;
         map->context->stats.particles_outside += 1;
     }
 }
@@ -14445,10 +14471,10 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     const size_t tiles = (size_t)tiles_x * (size_t)spsi_tile_rows(rays);
     const size_t count = (size_t)occluders->frame->content->particle_count;
     spsi_sphere_job job = {rays,
-                           map->face_count > 1 ? map->rays : NULL,
+                           map->grid.face_count > 1 ? map->grid.rays : NULL,
                            occluders->frame,
-                           map->settings.near_depth,
-                           SPSI_DEPTH_STEPS * map->per_depth,
+                           map->grid.near_depth,
+                           SPSI_DEPTH_STEPS * map->grid.per_depth,
                            NULL,
                            NULL,
                            NULL};
@@ -14576,14 +14602,15 @@ static void spsi_fingerprint_task(void *data, int index) {
     const spsi_fingerprint_job *job = (const spsi_fingerprint_job *)data;
     const spsi_filling *filling = job->filling;
     const int column = index % filling->band.tiles_x, row = index / filling->band.tiles_x;
-    spsi_tile_fingerprints *held = spsi_tmap_fingerprints(filling->map, filling->band.face, row, column);
+    const spsi_shadow_table *table = filling->map->table;
+    spsi_tile_fingerprints *held = spsi_table_fingerprints(table, filling->band.face, row, column);
     uint64_t prints[64];
     for (int i = 0; i < 64; ++i) prints[i] = job->start;
     spsi_fingerprint_bricks(job, column, row, prints);
     spsi_fingerprint_spheres(job, column, row, prints);
     held->open = 0;
-    for (int i = 0; i < 64; ++i) held->open |= (uint64_t)(!filling->map->updates || held->patches[i] != prints[i]) << i;
-    held->open &= spsi_tmap_patches(filling->map, row, column);
+    for (int i = 0; i < 64; ++i) held->open |= (uint64_t)(!table->updates || held->patches[i] != prints[i]) << i;
+    held->open &= spsi_table_patches(table, row, column);
     memcpy(held->patches, prints, sizeof prints);
 }
 
@@ -14604,21 +14631,20 @@ SPSI_COLD void spsi_fingerprint_face(const spsi_filling *filling) {
         job.start = spsi_fingerprint(job.start, &volumes->slabs.start, sizeof volumes->slabs.start);
         job.start = spsi_fingerprint(job.start, &volumes->slabs.thickness, sizeof volumes->slabs.thickness);
     }
-    spsi_parallel_items(filling->context, filling->band.tiles_x * spsi_tile_rows(&filling->map->rays[0]),
+    spsi_parallel_items(filling->context, filling->band.tiles_x * spsi_tile_rows(&filling->map->grid.rays[0]),
                         spsi_fingerprint_task, &job);
 }
 
 /* `held`: 1 if all patches were kept. */
-SPSI_COLD void spsi_shadow_table_count(const sps_tmap *map, int held) {
-    sps_stats_report *stats = &map->context->stats;
-    const int columns = spsi_tile_columns(&map->rays[0]), rows = spsi_tile_rows(&map->rays[0]);
-    for (int tile = 0; tile < map->face_count * rows * columns; ++tile) {
+SPSI_COLD void spsi_shadow_table_count(sps_context *context, const spsi_shadow_table *table, int held) {
+    const int columns = spsi_tile_columns(&table->grid.rays[0]), rows = spsi_tile_rows(&table->grid.rays[0]);
+    for (int tile = 0; tile < table->grid.face_count * rows * columns; ++tile) {
         const int column = tile % columns, row = tile / columns % rows;
-        const spsi_tile_fingerprints *prints = spsi_tmap_fingerprints(map, tile / columns / rows, row, column);
-        const uint64_t all = spsi_tmap_patches(map, row, column);
+        const spsi_tile_fingerprints *prints = spsi_table_fingerprints(table, tile / columns / rows, row, column);
+        const uint64_t all = spsi_table_patches(table, row, column);
         const uint64_t made = held ? 0 : prints ? prints->open : all;
-        stats->table_patches_made += (uint64_t)spsi_bit_count(made);
-        stats->table_patches_held += (uint64_t)spsi_bit_count(all & ~made);
+        context->stats.table_patches_made += (uint64_t)spsi_bit_count(made);
+        context->stats.table_patches_held += (uint64_t)spsi_bit_count(all & ~made);
     }
 }
 
@@ -14635,24 +14661,24 @@ SPSI_COLD int spsi_band_is_closed(const spsi_filling *filling) {
 
 SPSI_COLD sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluders) {
     sps_tmap *map = filling->map;
-    const spsi_rays *rays = &map->rays[filling->band.face];
+    const spsi_rays *rays = &map->grid.rays[filling->band.face];
     const int rows = spsi_tile_rows(rays);
     if (spsi_occluders_sort(map, rays, occluders)) return filling->context->result;
     for (int i = 0; i < occluders->faces.count; ++i)
         spsi_face_box(&occluders->faces, i, rays, occluders->boxes + 4 * i);
     if (occluders->volumes) {
-        const double per_depth = spsi_length(rays->inverse[2]) * map->per_depth;
+        const double per_depth = spsi_length(rays->inverse[2]) * map->grid.per_depth;
         const spsi_slabs *slabs = &occluders->volumes->slabs;
         if (spsi_map_volumes_build(filling->context, occluders, rays)) return filling->context->result;
         filling->u_per_slab = slabs->thickness * per_depth;
         filling->slab_u = (slabs->start - spsi_dot(slabs->normal, rays->origin)) * per_depth -
-                          map->settings.near_depth * map->per_depth;
+                          map->grid.near_depth * map->grid.per_depth;
     }
-    if (map->data.prints.data) spsi_fingerprint_face(filling);
+    if (map->table && map->table->prints.data) spsi_fingerprint_face(filling);
     for (filling->band.row = 0; filling->band.row < rows; ++filling->band.row) {
         if (spsi_band_is_closed(filling)) continue;
         filling->progress = spsi_call_stage_done(
-            &occluders->part, (filling->band.face + (double)filling->band.row / rows) / map->face_count);
+            &occluders->part, (filling->band.face + (double)filling->band.row / rows) / map->grid.face_count);
         filling->band.first_texel =
             ((size_t)filling->band.face * (size_t)rays->height + (size_t)filling->band.row * SPSI_TILE_HEIGHT) *
             (size_t)rays->width;
@@ -14662,10 +14688,8 @@ SPSI_COLD sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occlu
 }
 
 static size_t spsi_tmap_known_items(const sps_tmap *map) {
-    if (map->technique->lists) return spsi_tmap_texel_count(map) + 1;
-    if (map->settings.technique == SPS_TMAP_TABLE)
-        return (size_t)(spsi_shadow_table_blocks(map) * SPSI_SHADOW_TABLE_TEXELS * map->settings.components);
-    return spsi_tmap_texel_count(map) * (size_t)map->settings.components;
+    const size_t texels = spsi_light_grid_texels(&map->grid);
+    return map->technique->lists ? texels + 1 : texels * (size_t)map->settings.components;
 }
 
 /* Bytes of a map, as far as known. */
@@ -14676,24 +14700,15 @@ SPSI_COLD size_t spsi_tmap_bytes(const sps_tmap *map) {
 }
 
 SPSI_COLD sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
-    const size_t texels = spsi_tmap_texel_count(map);
+    const size_t texels = spsi_light_grid_texels(&map->grid);
     spsi_buffer *known = map->technique->lists ? &map->data.starts : &map->data.texels;
     float *surfaces = NULL;
-    if (!map->updates && !spsi_buffer_reserve(map->context, known, spsi_tmap_known_items(map), sizeof(float)))
+    if (!map->table && !spsi_buffer_reserve(map->context, known, spsi_tmap_known_items(map), sizeof(float)))
         return map->context->result;
     if (map->technique->lists) memset(known->data, 0, (texels + 1) * sizeof(uint32_t));
     if (!has_surfaces) return SPS_OK;
     surfaces = (float *)spsi_buffer_reserve(map->context, &map->data.surfaces, texels, sizeof(float));
     for (size_t i = 0; i < texels && surfaces; ++i) surfaces[i] = SPSI_NO_SURFACE;
-    return map->context->result;
-}
-
-/* Updated tables have their fingerprints already. */
-SPSI_COLD sps_result spsi_tmap_reserve_fingerprints(sps_tmap *map) {
-    const size_t tiles = (size_t)spsi_tile_columns(&map->rays[0]) * (size_t)spsi_tile_rows(&map->rays[0]);
-    if (!map->key || spsi_brick_fingerprints(map->context)) return map->context->result;
-    spsi_buffer_reserve(map->context, &map->data.prints, (size_t)map->face_count * tiles,
-                        sizeof(spsi_tile_fingerprints));
     return map->context->result;
 }
 
@@ -14720,23 +14735,22 @@ SPSI_COLD sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     }
     for (int i = 0; i < occluders->faces.count; ++i)
         has_surfaces |= spsi_face_optical_depth(&occluders->faces.list[i]) >= SPSI_DEPTH_MAX;
-    if (spsi_tmap_reserve_texels(map, has_surfaces) || spsi_tmap_reserve_fingerprints(map)) return context->result;
+    if (spsi_tmap_reserve_texels(map, has_surfaces)) return context->result;
     memset(&filling, 0, sizeof filling);
     filling.context = context;
     filling.map = map;
     filling.occluders = occluders;
-    filling.band.tiles_x = spsi_tile_columns(&map->rays[0]);
-    filling.light_u = map->rays[0].perspective ? -map->settings.near_depth * map->per_depth : -HUGE_VAL;
+    filling.band.tiles_x = spsi_tile_columns(&map->grid.rays[0]);
+    filling.light_u = map->grid.rays[0].perspective ? -map->grid.near_depth * map->grid.per_depth : -HUGE_VAL;
     occluders->boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
-    for (filling.band.face = 0; filling.band.face < map->face_count; ++filling.band.face)
+    for (filling.band.face = 0; filling.band.face < map->grid.face_count; ++filling.band.face)
         if (spsi_fill_face(&filling, occluders)) return context->result;
     if ((map->technique->lists && spsi_tmap_trim(map)) ||
         spsi_progress(context, spsi_call_stage_done(&occluders->part, 1)))
         return context->result;
     map->finished = 1;
-    if (!map->settings.byte_budget || spsi_tmap_bytes(map) <= map->settings.byte_budget) return SPS_OK;
-    spsi_tmap_refuse_budget(map, (double)spsi_tmap_bytes(map));
-    map->finished = 0;
+    map->finished =
+        !spsi_check_map_budget(context, map->light, map->settings.byte_budget, (double)spsi_tmap_bytes(map));
     return context->result;
 }
 
@@ -14771,38 +14785,22 @@ SPSI_COLD sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light 
     return spsi_check_tmap_camera(&at, light);
 }
 
-/* Planes that make a table's entries as long as wide in mid-depth, up to a limit. */
-SPSI_COLD int spsi_shadow_table_planes(const sps_tmap *map) {
-    const spsi_rays *rays = &map->rays[0];
-    const double low = map->settings.near_depth, high = map->settings.far_depth;
-    const double pitch = spsi_pixel_size_at(rays, 0.5 * (low + high));
-    const spsi_technique *technique = map->technique;
-    const double most =
-        spsi_dmin(technique->usual, floor(SPSI_SHADOW_TABLE_BLOCKS_MOST / spsi_shadow_table_blocks(map)));
-    return (int)spsi_dmax(spsi_dmin(ceil((high - low) / pitch), most), technique->least);
-}
-
 /* Sets the components: by default, the most within the budget. */
 SPSI_COLD sps_result spsi_tmap_resolve(sps_tmap *map) {
     const spsi_technique *technique = map->technique;
     sps_tmap_settings *settings = &map->settings;
     const size_t budget = settings->byte_budget; /* a light's map has no surfaces */
-    const size_t surfaces = map->light < 0 ? spsi_tmap_texel_count(map) * sizeof(float) : 0;
+    const size_t surfaces = map->light < 0 ? spsi_light_grid_texels(&map->grid) * sizeof(float) : 0;
     const int is_set = settings->components > 0;
     map->has_range = spsi_settings_have_range(settings);
     settings->components = spsi_components_of(settings);
-    if (!is_set && settings->technique == SPS_TMAP_TABLE) settings->components = spsi_shadow_table_planes(map);
     while (!is_set && budget && spsi_tmap_bytes(map) + surfaces > budget && technique->step > 0 &&
            settings->components - technique->step >= spsi_components_least(settings))
         settings->components -= technique->step;
     if (!(settings->epsilon > 0)) settings->epsilon = is_set ? SPSI_THIN_EPSILON : 0.01f;
     map->inner = *settings;
     map->inner.components -= 2 * map->has_range;
-    /* lookups index by int */
-    map->has_vectors =
-        technique->optical_depths && spsi_tmap_texel_count(map) <= INT32_MAX / (size_t)settings->components;
-    return budget && spsi_tmap_bytes(map) > budget ? spsi_tmap_refuse_budget(map, (double)spsi_tmap_bytes(map))
-                                                   : SPS_OK;
+    return spsi_check_map_budget(map->context, map->light, budget, (double)spsi_tmap_bytes(map));
 }
 
 SPSI_COLD sps_result spsi_tmap_take_planes(sps_tmap *map) {
@@ -14816,23 +14814,23 @@ SPSI_COLD sps_result spsi_tmap_take_planes(sps_tmap *map) {
 }
 
 SPSI_COLD sps_result spsi_tmap_aim(sps_tmap *map) {
-    map->rays[0].width = map->view.width;
-    map->rays[0].height = map->view.height;
-    if (map->face_count == 1 && spsi_rays_build(map->context, SPS_OBJECT_TMAP_LIGHT, &map->view.camera, &map->rays[0]))
+    map->grid.rays[0].width = map->view.width;
+    map->grid.rays[0].height = map->view.height;
+    if (map->grid.face_count == 1 && spsi_rays_build(map->context, SPS_OBJECT_TMAP_LIGHT, &map->view.camera, &map->grid.rays[0]))
         return map->context->result;
-    for (int face = 0; face < map->face_count; ++face) {
-        spsi_rays *rays = &map->rays[face];
-        if (map->face_count > 1 && !spsi_rays_of_cube_face(map->view.camera.position, face, map->view.width, 0, rays))
+    for (int face = 0; face < map->grid.face_count; ++face) {
+        spsi_rays *rays = &map->grid.rays[face];
+        if (map->grid.face_count > 1 && !spsi_rays_of_cube_face(map->view.camera.position, face, map->view.width, 0, rays))
             return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_LIGHT, -1, "camera.position",
                                    map->view.camera.position[0], "texels cannot be told apart there");
-        rays->depth_reference = map->settings.near_depth;
         rays->near_depth = rays->perspective ? 0 : -HUGE_VAL;
     }
-    const double per_length = spsi_length(map->rays[0].inverse[2]);
-    const double texel = spsi_dmax(spsi_length(map->rays[0].a), spsi_length(map->rays[0].b));
+    spsi_light_grid_set_range(map->settings.near_depth, map->settings.far_depth, &map->grid);
+    const double per_length = spsi_length(map->grid.rays[0].inverse[2]);
+    const double texel = spsi_dmax(spsi_length(map->grid.rays[0].a), spsi_length(map->grid.rays[0].b));
     const int own = map->settings.surface_bias > 0;
     const double bias = (own ? map->settings.surface_bias : 2 * texel) * per_length;
-    map->bias[!own && map->rays[0].perspective] = bias; /* texels grow with distance */
+    map->bias[!own && map->grid.rays[0].perspective] = bias; /* texels grow with distance */
     return SPS_OK;
 }
 
@@ -14848,12 +14846,11 @@ SPSI_COLD sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light,
     map->view.quality = light->quality;
     map->view.slab_thickness = light->slab_thickness;
     map->view.scattering = SPS_SCATTERING_SINGLE; /* transmittance only */
-    map->face_count = light->omnidirectional ? SPSI_CUBE_FACES : 1;
-    if (light->camera.world_to_clip && map->face_count == 1) {
+    map->grid.face_count = light->omnidirectional ? SPSI_CUBE_FACES : 1;
+    if (light->camera.world_to_clip && map->grid.face_count == 1) {
         memcpy(map->matrix, light->camera.world_to_clip, sizeof map->matrix);
         map->view.camera.world_to_clip = map->matrix;
     }
-    map->per_depth = 1 / (settings->far_depth - settings->near_depth);
     return spsi_tmap_aim(map) || spsi_tmap_resolve(map) ? map->context->result : spsi_tmap_take_planes(map);
 }
 
@@ -14886,7 +14883,6 @@ SPSI_COLD void spsi_tmap_release(sps_tmap *map) {
     spsi_buffer_release(map->context, &map->data.texels);
     spsi_buffer_release(map->context, &map->data.starts);
     spsi_buffer_release(map->context, &map->data.surfaces);
-    spsi_buffer_release(map->context, &map->data.prints);
 }
 
 SPSI_COLD void spsi_tmap_forget(sps_tmap *map) {
@@ -14910,27 +14906,18 @@ SPSI_COLD spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     frame->view = map->view;
     frame->has_matrix = map->view.camera.world_to_clip != NULL;
     frame->viewer = SPS_OBJECT_TMAP_LIGHT;
-    frame->content->eye = map->rays[0];
+    frame->content->eye = map->grid.rays[0];
     spsi_resolve_quality(frame);
     return frame;
 }
 
-/* Depth of a corner along the axis of its face. */
-static double spsi_tmap_corner_depth(const sps_tmap *map, const spsi_bounds *bounds, int corner) {
-    double point[3], q[3], t = 0;
-    spsi_bounds_corner(bounds, corner, point);
-    spsi_project(&map->rays[0], point, q);
-    for (int i = 0; i < 3; ++i) t = spsi_dmax(t, fabs(point[i] - map->rays[0].origin[i]));
-    return map->face_count > 1 ? t : q[2];
-}
-
 /* True if the voxels' box exceeds the depth range. */
 SPSI_COLD int spsi_voxels_outside(const sps_tmap *map, const spsi_bounds *bounds) {
-    const double near_depth = map->settings.near_depth, room = SPSI_OUTSIDE / map->per_depth;
+    const double near_depth = map->grid.near_depth, room = SPSI_OUTSIDE / map->grid.per_depth;
     for (int corner = 0; corner < 8 && !spsi_bounds_empty(bounds); ++corner) {
-        const double t = spsi_tmap_corner_depth(map, bounds, corner);
-        if (t > map->settings.far_depth + room) return 1;
-        if (t < near_depth - room && !(map->rays[0].perspective && !(t > 0))) return 1;
+        const double t = spsi_light_grid_corner_depth(&map->grid, bounds, corner);
+        if (t > map->grid.far_depth + room) return 1;
+        if (t < near_depth - room && !(map->grid.rays[0].perspective && !(t > 0))) return 1;
     }
     return 0;
 }
@@ -14951,8 +14938,8 @@ SPSI_COLD void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *fra
 /* Reports a light inside the gas, whose single face misses the rest. */
 SPSI_COLD void spsi_tmap_tell_amid(const sps_tmap *map, const spsi_frame *frame) {
     const sps_config *config = &map->context->config;
-    const spsi_rays *rays = &map->rays[0];
-    if (!config->message_fn || map->face_count > 1 || !rays->perspective) return;
+    const spsi_rays *rays = &map->grid.rays[0];
+    if (!config->message_fn || map->grid.face_count > 1 || !rays->perspective) return;
     if (spsi_bounds_empty(&frame->content->bounds) || !spsi_bounds_hold(&frame->content->bounds, rays->origin)) return;
     config->message_fn(config->message_user, "tmap: the light is amid the gas, and what its view leaves out counts as "
                                              "lit; light.omnidirectional is for a light that shines all round");
@@ -14977,24 +14964,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
     return SPS_OK;
 }
 
-/* --- a light's own map --- */
-
-SPSI_COLD void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
-    sps_tmap_settings *settings = &map->settings;
-    double low = map->face_count > 1 ? 0 : HUGE_VAL, high = -HUGE_VAL, room;
-    for (int corner = 0; corner < 8; ++corner) {
-        const double t = spsi_tmap_corner_depth(map, bounds, corner);
-        low = spsi_dmin(low, t);
-        high = spsi_dmax(high, t);
-    }
-    /* distant gas still needs a range */
-    high = spsi_dmax(high, low + spsi_dmax(1e-12 * fabs(low), DBL_MIN / DBL_EPSILON));
-    room = settings->technique == SPS_TMAP_FOURIER && !map->has_range ? SPSI_GUARD_BAND * (high - low) : 0;
-    settings->near_depth = map->rays[0].perspective ? spsi_dmax(low - room, 0) : low - room;
-    settings->far_depth = high + room;
-    map->per_depth = 1 / (settings->far_depth - settings->near_depth);
-    for (int face = 0; face < map->face_count; ++face) map->rays[face].depth_reference = settings->near_depth;
-}
+/* --- a light's shadow table --- */
 
 /* Hash of a map's gas; 0 if it may change. */
 static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
@@ -15012,12 +14982,13 @@ static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
     return hash;
 }
 
-SPSI_COLD uint64_t spsi_shadow_table_aim(const sps_tmap *map) {
-    const double range[] = {map->settings.near_depth, map->settings.far_depth, (double)map->table_end};
+/* Hash of rays and planes. */
+SPSI_COLD uint64_t spsi_shadow_table_aim_fingerprint(const spsi_shadow_table *table) {
+    const double range[] = {table->grid.near_depth, table->grid.far_depth, (double)table->end};
     uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, range, sizeof range);
-    hash = spsi_fingerprint(hash, &map->settings.components, sizeof map->settings.components);
-    for (int face = 0; face < map->face_count; ++face) {
-        const spsi_rays *rays = &map->rays[face];
+    hash = spsi_fingerprint(hash, &table->planes, sizeof table->planes);
+    for (int face = 0; face < table->grid.face_count; ++face) {
+        const spsi_rays *rays = &table->grid.rays[face];
         const int shape[] = {rays->width, rays->height, rays->perspective};
         const double *const vectors[] = {rays->a, rays->b, rays->c, rays->origin};
         hash = spsi_fingerprint(hash, shape, sizeof shape);
@@ -15032,73 +15003,137 @@ SPSI_COLD uint64_t spsi_shadow_table_key(const spsi_frame *frame, uint64_t aim, 
     return gas ? spsi_fingerprint_word(spsi_fingerprint(gas, knobs, sizeof knobs), aim) | 1 : 0;
 }
 
-/* Moves a cached table with equal rays into the map, to be updated if its gas differs. All cached tables show the same
-   gas. */
-SPSI_COLD void spsi_shadow_table_take(sps_context *context, sps_tmap *map) {
-    sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
-    int i = 0;
-    while (i < context->shadow_table_count && !(held[i].data.texels.data && held[i].aim == map->aim)) ++i;
-    if (i == context->shadow_table_count || !map->key) return;
-    map->finished = held[i].key == map->key;
-    map->updates = !map->finished;
-    map->data.texels = held[i].data.texels;
-    map->data.prints = held[i].data.prints;
-    memset(&held[i], 0, sizeof held[i]);
-    held[i].context = context;
-    if (!map->finished) return;
-    context->stats.tables_held += 1;
-    spsi_shadow_table_count(map, 1);
+/* Planes that make entries as long as wide in mid-depth, up to limits, or as many as the caller wants. */
+SPSI_COLD sps_result spsi_shadow_table_resolve(sps_context *context, const sps_tmap_settings *map,
+                                               spsi_shadow_table *table) {
+    const spsi_technique *technique = &spsi_techniques[SPS_TMAP_TABLE];
+    const spsi_light_grid *grid = &table->grid;
+    const size_t budget = map->technique == SPS_TMAP_TABLE ? map->byte_budget : 0;
+    const double blocks = spsi_shadow_table_blocks(grid);
+    const double plane_bytes = blocks * SPSI_SHADOW_TABLE_TEXELS * sizeof(uint32_t);
+    const double pitch = spsi_pixel_size_at(&grid->rays[0], 0.5 * (grid->near_depth + grid->far_depth));
+    const double most = spsi_dmin(technique->usual, floor(SPSI_SHADOW_TABLE_BLOCKS_MOST / blocks));
+    const double per_pitch = map->technique == SPS_TMAP_TABLE ? 1 : 2; /* maps resolve more than tables' slabs */
+    double planes = spsi_dmin(ceil(per_pitch * (grid->far_depth - grid->near_depth) / pitch), most);
+    if (budget) planes = spsi_dmin(planes, floor(((double)budget - (double)sizeof *table) / plane_bytes));
+    table->planes = (int)spsi_dmax(planes, technique->least);
+    if (map->technique == SPS_TMAP_TABLE && map->components > 0) table->planes = map->components;
+    return spsi_check_map_budget(context, table->light, budget, table->planes * plane_bytes + sizeof *table);
 }
 
-static void spsi_tmaps_drop(sps_context *context, spsi_buffer_id id, int *count) {
-    sps_tmap *held = (sps_tmap *)context->buffers[id].data;
-    for (int i = 0; i < *count; ++i) spsi_tmap_release(&held[i]);
+SPSI_COLD sps_result spsi_shadow_table_aim(sps_context *context, const spsi_frame *frame, const spsi_light *light,
+                                           spsi_shadow_table *table) {
+    memset(table, 0, sizeof *table);
+    table->light = light->index;
+    table->end = spsi_light_end(frame);
+    if (spsi_light_grid_aim(context, frame, light, &table->grid)) return context->result;
+    return spsi_shadow_table_resolve(context, &light->map, table);
+}
+
+SPSI_COLD void spsi_shadow_table_release(sps_context *context, spsi_shadow_table *table) {
+    spsi_buffer_release(context, &table->pairs);
+    spsi_buffer_release(context, &table->prints);
+}
+
+static void spsi_shadow_tables_drop(sps_context *context, spsi_buffer_id id, int *count) {
+    spsi_shadow_table *held = (spsi_shadow_table *)context->buffers[id].data;
+    for (int i = 0; i < *count; ++i) spsi_shadow_table_release(context, &held[i]);
     *count = 0;
 }
 
-SPSI_COLD sps_result spsi_light_tmap_aim(sps_context *context, const spsi_frame *frame, const spsi_light *light,
-                                         sps_tmap *map) {
-    memset(map, 0, sizeof *map);
-    map->context = context;
-    map->light = light->index;
-    map->settings = light->map;
-    map->table_end = spsi_light_end(frame);
-    map->technique = &spsi_techniques[map->settings.technique];
-    map->face_count = spsi_light_rays(frame, light, map->rays);
-    if (map->face_count == 0)
-        return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
-                              SPSI_TEXELS_ALIKE);
-    map->has_range = spsi_settings_have_range(&map->settings);
-    spsi_tmap_fit_range(map, spsi_light_bounds(frame, light));
-    return spsi_tmap_resolve(map);
+/* Takes a cached table with equal rays, to be updated if its gas differs. All cached tables show the same gas. */
+SPSI_COLD void spsi_shadow_table_take(sps_context *context, spsi_shadow_table *table) {
+    spsi_shadow_table *held = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
+    int i = 0;
+    while (i < context->shadow_table_count && !(held[i].pairs.data && held[i].aim == table->aim)) ++i;
+    if (i == context->shadow_table_count || !table->key) return;
+    table->is_made = held[i].key == table->key;
+    table->updates = !table->is_made;
+    table->pairs = held[i].pairs;
+    table->prints = held[i].prints;
+    memset(&held[i], 0, sizeof held[i]);
+    if (!table->is_made) return;
+    context->stats.tables_held += 1;
+    spsi_shadow_table_count(context, table, 1);
 }
 
-/* Starts from a cached table, if any. `gas`: its fingerprint. */
-SPSI_COLD sps_result spsi_light_tmap_begin(sps_context *context, const spsi_frame *frame, const spsi_light *light,
-                                           uint64_t gas, sps_tmap *map) {
+/* Starts from a cached table, if any. `gas`: its fingerprint. Maps of other techniques are not cached. */
+SPSI_COLD sps_result spsi_shadow_table_begin(sps_context *context, const spsi_frame *frame, const spsi_light *light,
+                                             uint64_t gas, spsi_shadow_table *table) {
     const spsi_subject at = spsi_settings_of(context, light->index);
-    if (spsi_light_tmap_aim(context, frame, light, map)) return context->result;
-    if (!spsi_has_shadow_table(light)) return SPS_OK;
-    if (spsi_shadow_table_blocks(map) * map->settings.components > SPSI_SHADOW_TABLE_BLOCKS_MOST)
-        return spsi_fail_member(&at, SPS_ERROR_MEMORY, "components", map->settings.components,
+    if (spsi_shadow_table_aim(context, frame, light, table)) return context->result;
+    if (spsi_shadow_table_blocks(&table->grid) * table->planes > SPSI_SHADOW_TABLE_BLOCKS_MOST)
+        return spsi_fail_member(&at, SPS_ERROR_MEMORY, "components", table->planes,
                                 "a table of this size would have more than 2^28 entries");
-    map->aim = spsi_shadow_table_aim(map);
-    map->key = spsi_shadow_table_key(frame, map->aim, gas);
-    spsi_shadow_table_take(context, map);
+    if (!spsi_has_shadow_table(light)) return SPS_OK;
+    table->aim = spsi_shadow_table_aim_fingerprint(table);
+    table->key = spsi_shadow_table_key(frame, table->aim, gas);
+    spsi_shadow_table_take(context, table);
     return SPS_OK;
 }
 
-SPSI_COLD sps_result spsi_light_tmap_fill(sps_context *context, const spsi_frame *frame, const spsi_light *light,
-                                          const spsi_call_stage *part, sps_tmap *map) {
-    spsi_occluders occluders;
-    memset(&occluders, 0, sizeof occluders);
-    occluders.frame = frame;
-    occluders.part = *part;
-    if (map->finished) return SPS_OK;
-    if (spsi_tmap_fill(map, &occluders) || !spsi_has_shadow_table(light)) return context->result;
-    context->stats.tables_made += 1;
-    spsi_shadow_table_count(map, 0);
-    return SPS_OK;
+typedef struct spsi_evaluation {
+    const sps_tmap *map;
+    const spsi_shadow_table *table;
+} spsi_evaluation;
+
+#define SPSI_SHADOW_TABLE_PLANES_MOST 1024
+
+/* Evaluates a map's row of texels at the table's planes. */
+static void spsi_evaluate_row_task(void *data, int row) {
+    const spsi_evaluation *job = (const spsi_evaluation *)data;
+    const int width = job->map->grid.rays[0].width, planes = job->table->planes;
+    float u[SPSI_SHADOW_TABLE_PLANES_MOST], depths[SPSI_SHADOW_TABLE_PLANES_MOST];
+    for (int k = 0; k < planes; ++k) u[k] = (float)(k + 1) / (float)planes;
+    for (int x = 0; x < width; ++x) {
+        spsi_tmap_depths(job->map, (size_t)row * (size_t)width + (size_t)x, planes, u, depths);
+        for (int k = planes - 1; k > 0; --k) depths[k] -= depths[k - 1];
+        spsi_shadow_table_store(job->table, x, row, depths, 1);
+    }
+}
+
+/* Fills a map of the light's own technique, and evaluates it, so that only tables need a lookup for shading. */
+SPSI_COLD sps_result spsi_shadow_table_evaluate(const spsi_light *light, spsi_occluders *occluders, sps_tmap *map,
+                                                const spsi_shadow_table *table) {
+    spsi_evaluation job = {map, table};
+    const int rows = table->grid.rays[0].height * table->grid.face_count;
+    map->settings = light->map;
+    map->technique = &spsi_techniques[light->map.technique];
+    if (!spsi_tmap_resolve(map) && !spsi_tmap_fill(map, occluders))
+        spsi_parallel_items(map->context, rows, spsi_evaluate_row_task, &job);
+    spsi_tmap_release(map);
+    return map->context->result;
+}
+
+SPSI_COLD sps_result spsi_shadow_table_reserve(sps_context *context, spsi_shadow_table *table) {
+    const size_t entries = (size_t)spsi_shadow_table_blocks(&table->grid) * SPSI_SHADOW_TABLE_TEXELS;
+    const spsi_rays *rays = &table->grid.rays[0];
+    const size_t tiles = (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays);
+    if (!spsi_buffer_reserve(context, &table->pairs, entries * (size_t)table->planes, sizeof(uint32_t)) ||
+        !table->key || spsi_brick_fingerprints(context))
+        return context->result;
+    spsi_buffer_reserve(context, &table->prints, (size_t)table->grid.face_count * tiles,
+                        sizeof(spsi_tile_fingerprints));
+    return context->result;
+}
+
+/* `occluders` is zero but for its frame and call stage. */
+SPSI_COLD sps_result spsi_shadow_table_fill(sps_context *context, const spsi_light *light, spsi_occluders *occluders,
+                                            spsi_shadow_table *table) {
+    sps_tmap map;
+    if (table->is_made) return SPS_OK;
+    if (spsi_shadow_table_reserve(context, table)) return context->result;
+    memset(&map, 0, sizeof map);
+    map.context = context;
+    map.light = light->index;
+    map.grid = table->grid;
+    if (!spsi_has_shadow_table(light)) return spsi_shadow_table_evaluate(light, occluders, &map, table);
+    map.table = table;
+    map.technique = &spsi_techniques[SPS_TMAP_TABLE];
+    map.settings.technique = SPS_TMAP_TABLE;
+    map.settings.components = table->planes;
+    map.inner = map.settings;
+    return spsi_tmap_fill(&map, occluders);
 }
 
 /* --- size of a light's map, before anything is read --- */
@@ -15126,29 +15161,33 @@ SPSI_COLD size_t spsi_light_tmap_texels(const spsi_frame *frame, const spsi_ligh
     return *side * *side > six ? *side * *side : six;
 }
 
-/* A table's planes are a texel apart in mid-depth. */
-SPSI_COLD size_t spsi_light_tmap_components(const spsi_frame *frame, const spsi_light *light) {
-    const int most = spsi_techniques[SPS_TMAP_TABLE].usual;
-    double across[3], planes;
-    if (!spsi_has_shadow_table(light) || light->map.components > 0) return (size_t)spsi_components_of(&light->map);
-    if (frame->particles.set_count > 0) return (size_t)most;
+/* Upper bound of a table's planes, which are a texel apart in mid-depth, or half of one. */
+SPSI_COLD size_t spsi_light_table_planes(const spsi_frame *frame, const spsi_light *light) {
+    const spsi_technique *technique = &spsi_techniques[SPS_TMAP_TABLE];
+    const int is_table = spsi_has_shadow_table(light);
+    double across[3];
+    if (is_table && light->map.components > 0) return (size_t)light->map.components;
+    if (frame->particles.set_count > 0) return (size_t)technique->usual;
     spsi_along(frame->content->bounds.high, frame->content->bounds.low, -1, across);
-    planes = ceil(2 * spsi_length(across) / spsi_light_texel(frame, light)) + spsi_techniques[SPS_TMAP_TABLE].least;
-    return (size_t)spsi_dmin(planes, most);
+    const double planes = ceil((is_table ? 2 : 4) * spsi_length(across) / spsi_light_texel(frame, light));
+    return (size_t)spsi_dmin(planes + technique->least, technique->usual);
 }
 
-/* Bytes of a light's map, and of filling it, without lists and their fits, whose length is unknown. */
+/* Bytes of a light's table, and of filling it, without lists and their fits, whose length is unknown. */
 SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *light, size_t *held, size_t *filling) {
     size_t side;
     const size_t texels = spsi_light_tmap_texels(frame, light, &side);
     const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
-    const size_t components = spsi_light_tmap_components(frame, light);
-    const int lists = spsi_techniques[light->map.technique].lists > 0;
-    *held = sizeof(sps_tmap) + (texels + 1) * (lists ? 1 : components) * sizeof(float); /* also planes */
-    if (spsi_has_shadow_table(light)) /* also fingerprints, the cached map, and blocks beyond two edges */
-        *held += SPSI_CUBE_FACES * tiles * tiles * sizeof(spsi_tile_fingerprints) + sizeof(sps_tmap) +
-                 SPSI_CUBE_FACES * SPSI_SHADOW_TABLE_SIDE * (side + 16) * components * sizeof(float);
+    const size_t planes = spsi_light_table_planes(frame, light);
+    const int is_table = spsi_has_shadow_table(light), lists = spsi_techniques[light->map.technique].lists > 0;
+    const size_t components = is_table ? planes : (size_t)spsi_components_of(&light->map);
+    *held = 2 * sizeof(spsi_shadow_table) + (texels + 1) * planes * sizeof(float); /* also the cached table */
+    *held += SPSI_CUBE_FACES * SPSI_SHADOW_TABLE_SIDE * (side + 16) * planes * sizeof(float); /* blocks beyond edges */
     *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
+    if (is_table)
+        *held += SPSI_CUBE_FACES * tiles * tiles * sizeof(spsi_tile_fingerprints);
+    else
+        *filling += (texels + 1) * (lists ? 1 : components) * sizeof(float);
     *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
     *filling += frame->particles.count * (sizeof(spsi_sphere) + SPSI_SPHERE_TILES * sizeof(uint32_t));
     if (lists) *filling += spsi_spheres_order_bytes(frame->particles.count);
@@ -15923,7 +15962,7 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
 
 typedef struct spsi_spread {
     const spsi_light *light;
-    sps_tmap map; /* rays and their range; no data */
+    spsi_light_grid map;
     int channels, sheet_count;
     int pitch;    /* texels per row, in whole vectors */
     size_t plane; /* floats of a plane: rows of all faces */
@@ -15939,7 +15978,7 @@ typedef struct spsi_spreads {
 
 /* Unit: t. */
 static double spsi_spread_thickness(const spsi_spread *spread) {
-    return (spread->map.settings.far_depth - spread->map.settings.near_depth) / spread->sheet_count;
+    return (spread->map.far_depth - spread->map.near_depth) / spread->sheet_count;
 }
 
 SPSI_COLD size_t spsi_spread_floats(const spsi_spread *spread) {
@@ -16284,7 +16323,7 @@ typedef struct spsi_spread_place {
     spsi_v row[2], weight[2]; /* planes before and behind: first rows, and weights */
 } spsi_spread_place;
 
-/* `at`: see spsi_tmap_lookup. */
+/* `at`: see spsi_quads_build. */
 static void spsi_spread_find(const spsi_spread *spread, const spsi_v at[3], spsi_spread_place *place) {
     const spsi_v last = spsi_set((float)(spread->sheet_count - 1)),
                  rows = spsi_set((float)(spread->plane / (size_t)spread->pitch));
@@ -16424,14 +16463,14 @@ typedef struct spsi_sliced {
 typedef enum spsi_shadow_kind {
     SPSI_SHADOW_NONE, /* no media cast it */
     SPSI_SHADOW_SHEETS,
-    SPSI_SHADOW_MAP
+    SPSI_SHADOW_TABLE
 } spsi_shadow_kind;
 
 typedef struct spsi_shadow {
     const spsi_light *light;
     spsi_shadow_kind kind;
     const spsi_sliced *sliced; /* with sheets */
-    const sps_tmap *tmap;      /* with a map */
+    const spsi_shadow_table *table;
     int soft;                  /* 1: sheets include polygons' shadows */
     void *open;                /* see spsi_visibility_bytes */
     spsi_linear along[3];      /* arguments of spsi_shadow_lookup along the eye's rays */
@@ -16532,11 +16571,11 @@ SPSI_COLD void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
 /* --- lookup --- */
 
 /* Arguments of spsi_quads_build. */
-SPSI_COLD void spsi_tmap_follow(const spsi_rays *eye, const sps_tmap *map, spsi_linear along[3]) {
-    const spsi_rays *rays = &map->rays[0];
+SPSI_COLD void spsi_light_grid_follow(const spsi_rays *eye, const spsi_light_grid *grid, spsi_linear along[3]) {
+    const spsi_rays *rays = &grid->rays[0];
     for (int i = 0; i < 3; ++i) {
         const double axis[3] = {(double)(i == 0), (double)(i == 1), (double)(i == 2)};
-        const int whole = map->face_count > 1;
+        const int whole = grid->face_count > 1;
         spsi_linear_build(eye, whole ? axis : rays->inverse[i], rays->origin,
                           i == 2 && !whole ? -rays->depth_reference : 0, &along[i]);
     }
@@ -16546,8 +16585,8 @@ SPSI_COLD void spsi_shadow_aim(const spsi_rays *eye, spsi_shadow *shadow) {
     spsi_depth_map_follow(eye, &shadow->depth_map);
     for (int i = 0; i < shadow->translucency_map_count; ++i)
         spsi_depth_map_follow(eye, &shadow->translucency_maps[i].grid);
-    if (shadow->spread) spsi_tmap_follow(eye, &shadow->spread->map, shadow->spread_along);
-    if (shadow->kind == SPSI_SHADOW_MAP) spsi_tmap_follow(eye, shadow->tmap, shadow->along);
+    if (shadow->spread) spsi_light_grid_follow(eye, &shadow->spread->map, shadow->spread_along);
+    if (shadow->kind == SPSI_SHADOW_TABLE) spsi_light_grid_follow(eye, &shadow->table->grid, shadow->along);
     for (int i = 0; i < 3 && shadow->kind == SPSI_SHADOW_SHEETS; ++i) {
         const spsi_rays *rays = shadow->sliced->target.rays;
         spsi_linear_build(eye, rays->inverse[i], rays->origin, 0, &shadow->along[i]);
@@ -16568,7 +16607,7 @@ static inline void spsi_sliced_project(const spsi_sliced *sliced, const spsi_v a
 static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], int k) {
     spsi_v q[2];
     if (shadow->kind == SPSI_SHADOW_NONE) return spsi_set(0);
-    if (shadow->kind == SPSI_SHADOW_MAP) return spsi_tmap_lookup(shadow->tmap, at);
+    if (shadow->kind == SPSI_SHADOW_TABLE) return spsi_shadow_table_lookup(shadow->table, at);
     const spsi_planes *planes = &shadow->sliced->planes;
     spsi_sliced_project(shadow->sliced, at, q);
     if (planes->cubic) return spsi_bicubic(planes->depth[k], planes->width, planes->height, q[0], q[1]);
@@ -16618,8 +16657,16 @@ static spsi_v spsi_planes_lookup(const spsi_planes *planes, const spsi_v q[2], s
     return spsi_mix(before, after, spsi_sub(slab, k));
 }
 
+/* Coordinates of points along `row` from an origin. */
+static void spsi_points_along(const spsi_points *points, const double row[3], const double from[3],
+                              double along[SPSI_LANES]) {
+    for (int n = 0; n < SPSI_LANES; ++n)
+        along[n] = row[0] * (points->at[0][n] - from[0]) + row[1] * (points->at[1][n] - from[1]) +
+                   row[2] * (points->at[2][n] - from[2]);
+}
+
 /* Optical depth; 0 behind the light. */
-static void spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, const spsi_points *points, float *depths) {
+static spsi_v spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, const spsi_points *points) {
     static const double zero[3] = {0, 0, 0};
     const spsi_rays *rays = sliced->target.rays;
     const spsi_slabs *slabs = sliced->target.slabs;
@@ -16628,63 +16675,61 @@ static void spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, cons
     double q[4][SPSI_LANES]; /* column, row, 1 in front of the light, slab */
     float at[4][SPSI_LANES];
     spsi_v texel[2];
-    for (int i = 0; i < 4; ++i) {
-        const double *row = i < 3 ? rays->inverse[i] : slabs->normal, *from = i < 3 ? rays->origin : zero;
-        for (int n = 0; n < SPSI_LANES; ++n)
-            q[i][n] = row[0] * (points->at[0][n] - from[0]) + row[1] * (points->at[1][n] - from[1]) +
-                      row[2] * (points->at[2][n] - from[2]);
-    }
+    for (int i = 0; i < 3; ++i) spsi_points_along(points, rays->inverse[i], rays->origin, q[i]);
+    spsi_points_along(points, slabs->normal, zero, q[3]);
     for (int n = 0; n < SPSI_LANES; ++n) {
         const double t = parallel ? 1 : q[2][n], by = t > 0 ? t : 1;
-        q[0][n] = spsi_dmin(spsi_dmax(q[0][n] / by, -1), rays->width);
-        q[1][n] = spsi_dmin(spsi_dmax(q[1][n] / by, -1), rays->height);
-        q[2][n] = t > 0 ? 1 : 0;
-        q[3][n] = spsi_dmin(spsi_dmax((q[3][n] - start) / slabs->thickness, 0), SPSI_CHUNK);
+        at[0][n] = (float)spsi_dmin(spsi_dmax(q[0][n] / by, -1), rays->width);
+        at[1][n] = (float)spsi_dmin(spsi_dmax(q[1][n] / by, -1), rays->height);
+        at[2][n] = t > 0 ? 1 : 0;
+        at[3][n] = (float)spsi_dmin(spsi_dmax((q[3][n] - start) / slabs->thickness, 0), SPSI_CHUNK);
     }
-    for (int i = 0; i < 4; ++i)
-        for (int n = 0; n < SPSI_LANES; ++n) at[i][n] = (float)q[i][n];
     texel[0] = spsi_load(at[0]), texel[1] = spsi_load(at[1]);
-    spsi_store(depths, spsi_mul(spsi_load(at[2]), spsi_planes_lookup(&sliced->planes, texel, spsi_load(at[3]))));
+    return spsi_mul(spsi_load(at[2]), spsi_planes_lookup(&sliced->planes, texel, spsi_load(at[3])));
 }
 
 static void spsi_points_get(const spsi_points *points, int n, double point[3]) {
     for (int i = 0; i < 3; ++i) point[i] = points->at[i][n];
 }
 
-static void spsi_mapped_surfaces(const sps_tmap *map, const spsi_points *points, float *depths) {
-    double packed[3 * SPSI_LANES], lit[SPSI_LANES];
-    float found[SPSI_LANES];
-    int count = 0;
-    for (int n = 0; n < SPSI_LANES; ++n)
-        if (points->lanes >> n & 1) spsi_points_get(points, n, packed + 3 * count++);
-    spsi_tmap_at(map, count, packed, found, lit);
-    for (int n = SPSI_LANES - 1; n >= 0; --n) depths[n] = points->lanes >> n & 1 ? found[--count] : 0;
+static spsi_v spsi_shadow_table_surfaces(const spsi_shadow_table *table, const spsi_points *points) {
+    const spsi_rays *rays = &table->grid.rays[0];
+    spsi_v at[3];
+    for (int i = 0; i < 3; ++i) {
+        const double axis[3] = {(double)(i == 0), (double)(i == 1), (double)(i == 2)};
+        const int whole = table->grid.face_count > 1;
+        const double reference = i == 2 && !whole ? rays->depth_reference : 0;
+        double along[SPSI_LANES];
+        float lanes[SPSI_LANES];
+        spsi_points_along(points, whole ? axis : rays->inverse[i], rays->origin, along);
+        for (int n = 0; n < SPSI_LANES; ++n) lanes[n] = (float)(along[n] - reference);
+        at[i] = spsi_load(lanes);
+    }
+    return spsi_shadow_table_lookup(table, at);
 }
 
 /* Points are in or next to the chunk. */
 static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, const spsi_points *points, float *depths) {
-    memset(depths, 0, SPSI_LANES * sizeof *depths);
-    if (shadow->kind == SPSI_SHADOW_MAP)
-        spsi_mapped_surfaces(shadow->tmap, points, depths);
-    else if (shadow->kind == SPSI_SHADOW_SHEETS)
-        spsi_sliced_surfaces(shadow->sliced, first_slab, points, depths);
+    spsi_v found = spsi_set(0);
+    if (shadow->kind == SPSI_SHADOW_TABLE) found = spsi_shadow_table_surfaces(shadow->table, points);
+    if (shadow->kind == SPSI_SHADOW_SHEETS) found = spsi_sliced_surfaces(shadow->sliced, first_slab, points);
+    spsi_store(depths, found);
 }
 
 /* --- sheets or tables --- */
 
 /* True if a table is as fine as the sheets of a large image, along the light too: independent of image size. */
 SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, const spsi_light *light) {
-    sps_tmap map;
-    const double *near_depth = &map.settings.near_depth, *far_depth = &map.settings.far_depth;
-    const spsi_rays *rays = &map.rays[0];
+    spsi_shadow_table table;
+    const spsi_light_grid *grid = &table.grid;
     spsi_rays sheets;
     if (!spsi_rays_fit(light, &frame->content->bounds, spsi_light_texel(frame, light), frame->view.shadow_resolution,
                        spsi_light_texels_most(frame), &sheets) ||
-        spsi_light_tmap_aim(context, frame, light, &map))
+        spsi_shadow_table_aim(context, frame, light, &table))
         return 0;
-    if (map.face_count > 1 || rays->width < sheets.width || rays->height < sheets.height) return 0;
-    return ceil((*far_depth - *near_depth) / spsi_pixel_size_at(rays, 0.5 * (*near_depth + *far_depth))) <=
-           map.settings.components;
+    if (grid->face_count > 1 || grid->rays[0].width < sheets.width || grid->rays[0].height < sheets.height) return 0;
+    const double pitch = spsi_pixel_size_at(&grid->rays[0], 0.5 * (grid->near_depth + grid->far_depth));
+    return ceil((grid->far_depth - grid->near_depth) / pitch) <= table.planes;
 }
 
 /* Upper bound of a frame's bytes without tables, with all voxels stored, by the figures at the top of this file. Tables
@@ -16973,63 +17018,78 @@ SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const sp
 }
 
 /* Returns 0 if cells have made none. */
-SPSI_COLD int spsi_light_tmap_take(sps_context *context, const spsi_light *light, sps_tmap *map) {
-    sps_tmap *maps = (sps_tmap *)context->buffers[SPSI_BUFFER_CELL_TMAPS].data;
+SPSI_COLD int spsi_shadow_table_of_cells(sps_context *context, const spsi_light *light, spsi_shadow_table *table) {
+    spsi_shadow_table *tables = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_CELL_TMAPS].data;
     for (int i = 0; i < context->cell_tmap_count; ++i) {
-        if (maps[i].light != light->index || !maps[i].waits) continue;
-        *map = maps[i];
-        map->waits = 0;
-        memset(&maps[i], 0, sizeof maps[i]);
-        maps[i].context = context;
+        if (tables[i].light != light->index || !tables[i].waits) continue;
+        *table = tables[i];
+        table->waits = 0;
+        memset(&tables[i], 0, sizeof tables[i]);
         return 1;
     }
     return 0;
 }
 
-/* spsi_shadow_maps_release frees maps even after a failure. */
-SPSI_COLD sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows,
-                                            int count, spsi_call_stage *sweep) {
+SPSI_COLD sps_result spsi_shadow_table_make(sps_context *context, const spsi_frame *frame, const spsi_light *light,
+                                            const spsi_call_stage *part, spsi_shadow_table *table) {
+    spsi_occluders occluders;
+    memset(&occluders, 0, sizeof occluders);
+    occluders.frame = frame;
+    occluders.part = *part;
+    if (table->is_made) return SPS_OK;
+    if (spsi_shadow_table_fill(context, light, &occluders, table)) return context->result;
+    table->is_made = 1;
+    if (!spsi_has_shadow_table(light)) return SPS_OK;
+    context->stats.tables_made += 1;
+    spsi_shadow_table_count(context, table, 0);
+    return SPS_OK;
+}
+
+/* spsi_shadow_tables_release frees tables even after a failure. */
+SPSI_COLD sps_result spsi_shadow_tables_build(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows,
+                                              int count, spsi_call_stage *sweep) {
     spsi_call_stage part = {sweep->progress, SPSI_PROGRESS_TMAP * sweep->share};
     int mapped = 0;
     for (int i = 0; i < count; ++i) mapped += shadows[i].light->has_map;
     if (mapped == 0 || spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
     sweep->progress += part.share;
     sweep->share -= part.share;
-    sps_tmap *maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_LIGHT_TMAPS, (size_t)mapped, sizeof *maps);
-    if (!maps) return context->result;
+    spsi_shadow_table *tables =
+        (spsi_shadow_table *)spsi_reserve(context, SPSI_BUFFER_LIGHT_TMAPS, (size_t)mapped, sizeof *tables);
+    if (!tables) return context->result;
     part.share /= mapped;
     const uint64_t gas = spsi_has_shadow_tables(frame) ? spsi_gas_fingerprint(frame) : 0;
-    sps_tmap *next = maps;
+    spsi_shadow_table *next = tables;
     for (int i = 0; i < count; ++i) {
         if (!shadows[i].light->has_map) continue;
-        shadows[i].tmap = next;
-        shadows[i].kind = SPSI_SHADOW_MAP;
-        if (!spsi_light_tmap_take(context, shadows[i].light, next) &&
-            spsi_light_tmap_begin(context, frame, shadows[i].light, gas, next))
+        shadows[i].table = next;
+        shadows[i].kind = SPSI_SHADOW_TABLE;
+        if (!spsi_shadow_table_of_cells(context, shadows[i].light, next) &&
+            spsi_shadow_table_begin(context, frame, shadows[i].light, gas, next))
             return context->result;
         ++next;
     }
-    spsi_tmaps_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count); /* not taken by any light */
-    if (!spsi_reserve(context, SPSI_BUFFER_SHADOW_TABLES, (size_t)mapped, sizeof *maps)) return context->result;
-    next = maps;
+    spsi_shadow_tables_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count); /* not taken by a light */
+    if (!spsi_reserve(context, SPSI_BUFFER_SHADOW_TABLES, (size_t)mapped, sizeof *tables)) return context->result;
+    next = tables;
     for (int i = 0; i < count; ++i) {
-        if (!shadows[i].tmap) continue;
-        if (spsi_light_tmap_fill(context, frame, shadows[i].light, &part, next++)) return context->result;
+        if (!shadows[i].table) continue;
+        if (spsi_shadow_table_make(context, frame, shadows[i].light, &part, next++)) return context->result;
         part.progress += part.share;
     }
     return SPS_OK;
 }
 
-SPSI_COLD void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *shadows, int count) {
-    sps_tmap *map = (sps_tmap *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data;
-    sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
+SPSI_COLD void spsi_shadow_tables_release(sps_context *context, const spsi_shadow *shadows, int count) {
+    spsi_shadow_table *table = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data;
+    spsi_shadow_table *held = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     for (int i = 0; i < count; ++i) {
-        if (!shadows[i].tmap) continue;
-        if (!context->result && map->key && map->data.texels.data)
-            held[context->shadow_table_count++] = *map;
+        if (!shadows[i].table) continue;
+        if (!context->result && table->key && table->pairs.data)
+            held[context->shadow_table_count++] = *table;
         else
-            spsi_tmap_release(map);
-        ++map;
+            spsi_shadow_table_release(context, table);
+        ++table;
     }
 }
 
@@ -22140,33 +22200,33 @@ SPSI_COLD void spsi_cells_map_light(int texels, const spsi_bounds *served, spsi_
 }
 
 SPSI_COLD sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_light *light, const spsi_call_stage *part,
-                                    sps_tmap *map) {
+                                    spsi_shadow_table *table) {
     spsi_light coarse = *light;
     spsi_occluders occluders;
     spsi_cells_map_light(spsi_cell_texels(job->frame), &job->bounds, &coarse);
-    if (spsi_light_tmap_aim(job->context, job->frame, &coarse, map)) return job->context->result;
+    if (spsi_shadow_table_aim(job->context, job->frame, &coarse, table)) return job->context->result;
     memset(&occluders, 0, sizeof occluders);
     occluders.frame = job->frame;
     occluders.coarse = 1;
     occluders.part = *part;
-    return spsi_tmap_fill(map, &occluders);
+    return spsi_shadow_table_fill(job->context, &coarse, &occluders, table);
 }
 
 /* A light's own table may already wait for the sweeps. */
 SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_light *light, const spsi_call_stage *part,
-                                      spsi_shadow *shadow, sps_tmap *map) {
+                                      spsi_shadow *shadow, spsi_shadow_table *table) {
     shadow->light = light;
-    shadow->kind = SPSI_SHADOW_MAP;
-    shadow->tmap = map;
-    if (map->waits) return SPS_OK;
-    if (!spsi_has_shadow_table(light)) return spsi_cells_map(job, light, part, map);
-    if (!spsi_light_tmap_begin(job->context, job->frame, light, job->gas, map))
-        map->waits = !spsi_light_tmap_fill(job->context, job->frame, light, part, map);
+    shadow->kind = SPSI_SHADOW_TABLE;
+    shadow->table = table;
+    if (table->waits) return SPS_OK;
+    if (!light->has_map) return spsi_cells_map(job, light, part, table);
+    if (!spsi_shadow_table_begin(job->context, job->frame, light, job->gas, table))
+        table->waits = !spsi_shadow_table_make(job->context, job->frame, light, part, table);
     return job->context->result;
 }
 
 /* Depth and translucency maps serve all grids, and so does a light's own table. */
-SPSI_COLD sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_call_stage *part, sps_tmap *maps) {
+SPSI_COLD sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_call_stage *part, spsi_shadow_table *tables) {
     const spsi_frame *frame = job->frame;
     const int shadows = frame->lights.shadow_count;
     spsi_call_stage each = *part;
@@ -22174,7 +22234,7 @@ SPSI_COLD sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_call_stag
     for (int i = 0, at = 0; at < shadows; ++i) {
         const spsi_light *light = &frame->lights.list[i];
         if (!light->shadows) continue;
-        if (spsi_cells_table(job, light, &each, &job->shadows[at], &maps[at])) return job->context->result;
+        if (spsi_cells_table(job, light, &each, &job->shadows[at], &tables[at])) return job->context->result;
         each.progress += each.share;
         ++at;
     }
@@ -22230,7 +22290,7 @@ static spsi_v spsi_cell_spot_straight(const spsi_cell_spot *spot, spsi_v found, 
 static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *shadow, const spsi_cell_spot *spot,
                                   spsi_v passes[3]) {
     const spsi_v found = spsi_pixels_shadow(shadow, &spot->pixels, 0, spot->part.middle);
-    const spsi_m dark = spsi_less(spsi_set(0.999f * shadow->tmap->table_end), found);
+    const spsi_m dark = spsi_less(spsi_set(0.999f * shadow->table->end), found);
     spsi_v lit[SPSI_SUBSLABS], filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
     spsi_lit_fractions(&job->shader, &shadow->depth_map, &spot->pixels, &spot->slab, lit);
     if (shadow->translucency_map_count > 0)
@@ -22860,30 +22920,28 @@ static void spsi_cells_light_task(void *data, int row) {
 SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage *part) {
     sps_context *context = job->context;
     const int count = job->frame->lights.shadow_count, rows = job->grid->size[1] * job->grid->size[2];
-    sps_tmap *maps;
+    spsi_shadow_table *tables;
     spsi_cell_directions(job->directions);
     if (spsi_cell_blockers_begin(job)) return context->result;
     if (count == 0 && !job->blockers.closed) return job->grid->pyramid ? spsi_cells_fly_to(job) : SPS_OK;
     job->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *job->shadows);
-    maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *maps);
-    if (!job->shadows || !maps) return context->result;
+    tables =
+        (spsi_shadow_table *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *tables);
+    if (!job->shadows || !tables) return context->result;
     if (!job->later) memset(job->shadows, 0, (size_t)count * sizeof *job->shadows);
-    for (int i = 0; i < count; ++i) {
-        if (job->later && maps[i].waits) continue; /* made for an earlier grid */
-        memset(&maps[i], 0, sizeof maps[i]);
-        maps[i].context = context;
-    }
+    for (int i = 0; i < count; ++i)
+        if (!job->later || !tables[i].waits) memset(&tables[i], 0, sizeof tables[i]); /* else made for an earlier grid */
     context->cell_tmap_count = count;
     job->gas = spsi_has_shadow_tables(job->frame) ? spsi_gas_fingerprint(job->frame) : 0;
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
     spsi_cells_shader(job->frame, job->faces, &job->sheets.rays, &job->sheets.slabs, &job->sweep, &job->shader);
-    if (!spsi_cells_shadows(job, part, maps)) {
+    if (!spsi_cells_shadows(job, part, tables)) {
         if (job->blockers.closed) spsi_parallel_items(context, rows, spsi_cells_blockers_task, job);
         if (!job->grid->pyramid || !spsi_cells_fly_to(job))
             spsi_parallel_items(context, rows, spsi_cells_light_task, job);
     }
     for (int i = 0; i < count; ++i)
-        if (!maps[i].waits) spsi_tmap_release(&maps[i]);
+        if (!tables[i].waits) spsi_shadow_table_release(context, &tables[i]);
     return context->result;
 }
 
@@ -23455,10 +23513,10 @@ SPSI_COLD size_t spsi_cells_bytes(const spsi_frame *frame) {
     for (int i = 0; i < frame->lights.count; ++i) {
         spsi_light coarse = frame->lights.list[i];
         size_t held, filling;
-        if (!coarse.shadows || spsi_has_shadow_table(&coarse)) continue;
+        if (!coarse.shadows || coarse.has_map) continue;
         spsi_cells_map_light(spsi_cell_texels(frame), NULL, &coarse);
         spsi_light_tmap_bytes(frame, &coarse, &held, &filling);
-        bytes += sizeof(sps_tmap) + held + filling;
+        bytes += sizeof(spsi_shadow_table) + held + filling;
     }
     return bytes + floats * sizeof(float) + spsi_flights_bytes(frame, &grid);
 }
@@ -23753,7 +23811,7 @@ SPSI_COLD sps_result spsi_cells_build(sps_context *context, const spsi_frame *fr
     for (int m = 0; m < frame->medium_count; ++m) content->levels[m] = spsi_fmin(levels[m], 0);
     (void)spsi_cells_find(context, frame, faces, part);
     if (memcmp(content->levels, levels, sizeof levels)) /* these tables do not fit the image's levels */
-        spsi_tmaps_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count);
+        spsi_shadow_tables_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count);
     memcpy(content->levels, levels, sizeof levels);
     content->bounds = bounds;
     return context->result;
@@ -23845,7 +23903,7 @@ static double spsi_spread_cone(const spsi_light *light, const spsi_rays *rays, d
 
 static void spsi_spread_light_task(void *data, int y) {
     const spsi_spread_job *job = (const spsi_spread_job *)data;
-    const double thickness = spsi_spread_thickness(job->spread), near_depth = job->spread->map.settings.near_depth;
+    const double thickness = spsi_spread_thickness(job->spread), near_depth = job->spread->map.near_depth;
     const int pitch = job->spread->pitch;
     for (int k = 0; k < job->count; ++k)
         for (int x = 0; x < pitch; x += SPSI_LANES) {
@@ -23901,7 +23959,7 @@ static void spsi_spread_keep(const spsi_spread_job *job, int c, int plane) {
 
 static void spsi_spread_propagate_task(void *data, int c) {
     const spsi_spread_job *job = (const spsi_spread_job *)data;
-    const double thickness = spsi_spread_thickness(job->spread), near_depth = job->spread->map.settings.near_depth;
+    const double thickness = spsi_spread_thickness(job->spread), near_depth = job->spread->map.near_depth;
     for (int k = 0; k < job->count; ++k) {
         const size_t at = (size_t)k * job->plane, own = (size_t)c * SPSI_CHUNK * job->plane + at;
         const double begin = near_depth + (job->first + k) * thickness;
@@ -23917,7 +23975,7 @@ static void spsi_spread_propagate_task(void *data, int c) {
 
 /* Samples per texel side. A chunk holds whole texels. */
 SPSI_COLD int spsi_spread_fineness(const spsi_frame *frame, const spsi_spread *spread) {
-    const sps_tmap_settings *range = &spread->map.settings;
+    const spsi_light_grid *range = &spread->map;
     const double texel = spsi_pixel_size_at(&spread->map.rays[0], 0.5 * (range->near_depth + range->far_depth));
     int fine = 1;
     while (fine < spsi_samples_fineness(frame, texel)) fine *= 2;
@@ -23931,7 +23989,7 @@ SPSI_COLD int spsi_spread_aim_fine(const spsi_spread *spread, int face, int fine
     memset(slabs, 0, sizeof *slabs);
     memcpy(slabs->normal, texels->inverse[2], sizeof slabs->normal);
     spsi_normalise(slabs->normal);
-    slabs->start = spsi_dot(slabs->normal, texels->origin) + spread->map.settings.near_depth / per_length;
+    slabs->start = spsi_dot(slabs->normal, texels->origin) + spread->map.near_depth / per_length;
     slabs->thickness = spsi_spread_thickness(spread) / (per_length * fine);
     slabs->count = spread->sheet_count * fine;
     return spsi_rays_split(texels, fine, rays);
@@ -23991,15 +24049,15 @@ SPSI_COLD int spsi_spread_sheets_most(int texels) { return 2 * texels; }
 /* Sheets are as thick as texels are wide midway. */
 SPSI_COLD sps_result spsi_spread_aim(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                      spsi_spread *spread) {
-    const sps_tmap_settings *range = &spread->map.settings;
+    const spsi_light_grid *range = &spread->map;
     spsi_light coarse = *light;
     spsi_cells_map_light(spsi_imax(16, 2 * frame->view.scattering_resolution), NULL, &coarse);
     spread->light = light;
     spread->channels = frame->channels;
-    if (spsi_light_tmap_aim(context, frame, &coarse, &spread->map)) return context->result;
+    if (spsi_light_grid_aim(context, frame, &coarse, &spread->map)) return context->result;
     if (spread->map.face_count > 1) { /* a cube has twice as many around as across */
         coarse.map_size = spsi_imax(16, coarse.map_size / 2);
-        if (spsi_light_tmap_aim(context, frame, &coarse, &spread->map)) return context->result;
+        if (spsi_light_grid_aim(context, frame, &coarse, &spread->map)) return context->result;
     }
     double texel = spsi_pixel_size_at(&spread->map.rays[0], 0.5 * (range->near_depth + range->far_depth));
     spread->sheet_count =
@@ -24559,11 +24617,11 @@ SPSI_COLD void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
 /* True if a light's table is cached. `gas`: fingerprint of the medium. */
 SPSI_COLD int spsi_table_is_cached(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                    uint64_t gas) {
-    const sps_tmap *held = (const sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
-    sps_tmap map;
+    const spsi_shadow_table *held = (const spsi_shadow_table *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
+    spsi_shadow_table table;
     if (!gas || !spsi_has_shadow_table(light) || context->shadow_table_count == 0) return 0;
-    if (spsi_light_tmap_aim(context, frame, light, &map)) return 0;
-    const uint64_t key = spsi_shadow_table_key(frame, spsi_shadow_table_aim(&map), gas);
+    if (spsi_shadow_table_aim(context, frame, light, &table)) return 0;
+    const uint64_t key = spsi_shadow_table_key(frame, spsi_shadow_table_aim_fingerprint(&table), gas);
     for (int i = 0; i < context->shadow_table_count; ++i)
         if (held[i].key == key) return 1;
     return 0;
@@ -24581,7 +24639,7 @@ SPSI_COLD void spsi_work_add_maps(sps_context *context, const spsi_frame *frame,
             continue;
         }
         work->units[SPSI_STAGE_LIGHT] +=
-            (double)spsi_light_tmap_texels(frame, light, &side) * (double)spsi_light_tmap_components(frame, light);
+            (double)spsi_light_tmap_texels(frame, light, &side) * (double)spsi_light_table_planes(frame, light);
     }
 }
 
@@ -25161,13 +25219,13 @@ SPSI_COLD sps_result spsi_render_sweep(sps_context *context, spsi_picture *pictu
         return context->result;
     context->stats.seconds_polygons += spsi_clock(context) - start;
     start = spsi_clock(context);
-    spsi_shadow_maps_build(context, frame, picture->shadows, picture->shadow_count, &part);
+    spsi_shadow_tables_build(context, frame, picture->shadows, picture->shadow_count, &part);
     context->stats.seconds_light += spsi_clock(context) - start;
     part.share /= parts;
     for (int i = 0; i < parts && !context->result; ++i, part.progress += part.share)
         if (i == 0 || !spsi_sweep_build(context, frame, n, i, &sweep))
             spsi_render_part(context, picture, &sweep, run, &part);
-    spsi_shadow_maps_release(context, picture->shadows, picture->shadow_count);
+    spsi_shadow_tables_release(context, picture->shadows, picture->shadow_count);
     return context->result;
 }
 
@@ -25186,7 +25244,7 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
     spsi_levels_choose(frame);
     spsi_choose_shadows(context, frame);
     if (!spsi_has_shadow_tables(frame))
-        spsi_tmaps_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count);
+        spsi_shadow_tables_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count);
     double gathered = spsi_clock(context);
     context->stats.seconds_gather = gathered - start;
     spsi_eye_reference(frame);
@@ -28125,7 +28183,7 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
     if (refused) return refused;
     spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
     if (frame) spsi_render_frame(context, frame, image);
-    spsi_tmaps_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count); /* left by failures */
+    spsi_shadow_tables_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count); /* left by failures */
     return spsi_end_timed(context);
 }
 
@@ -28350,16 +28408,11 @@ static int spsi_tmap_queryable(const sps_tmap *map, size_t count, const void *po
 SPS_API sps_result sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *optical_depths,
                                   float *transmittances) {
     if (!spsi_tmap_queryable(map, count, positions)) return SPS_ERROR_ARGUMENT;
-    for (size_t first = 0; first < count; first += SPSI_LANES) {
-        const size_t some = count - first < SPSI_LANES ? count - first : SPSI_LANES;
-        float depths[SPSI_LANES] = {0};
-        double lit[SPSI_LANES];
-        spsi_tmap_at(map, (int)some, positions + 3 * first, depths, lit);
-        for (size_t i = 0; i < some; ++i) {
-            const double depth = (double)depths[i];
-            if (transmittances) transmittances[first + i] = (float)(depth < 86 ? lit[i] * exp(-depth) : 0);
-            if (optical_depths) optical_depths[first + i] = (float)spsi_optical_depth_with_surfaces(depth, lit[i]);
-        }
+    for (size_t i = 0; i < count; ++i) {
+        double lit;
+        const double depth = spsi_tmap_at(map, positions + 3 * i, &lit);
+        if (transmittances) transmittances[i] = (float)(depth < 86 ? lit * exp(-depth) : 0);
+        if (optical_depths) optical_depths[i] = (float)spsi_optical_depth_with_surfaces(depth, lit);
     }
     return SPS_OK;
 }
@@ -28368,16 +28421,13 @@ SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, cons
                                          float *optical_depths, float *transmittances) {
     const char *next = (const char *)positions;
     if (!spsi_tmap_queryable(map, count, positions)) return SPS_ERROR_ARGUMENT;
-    for (size_t first = 0; first < count; first += SPSI_LANES) {
-        const size_t some = count - first < SPSI_LANES ? count - first : SPSI_LANES;
-        double wide[3 * SPSI_LANES];
-        for (size_t i = 0; i < some; ++i, next += stride ? stride : 3 * sizeof(float)) {
-            float position[3];
-            memcpy(position, next, sizeof position);
-            for (size_t k = 0; k < 3; ++k) wide[3 * i + k] = (double)position[k];
-        }
-        sps_tmap_query(map, some, wide, optical_depths ? optical_depths + first : NULL,
-                       transmittances ? transmittances + first : NULL);
+    for (size_t i = 0; i < count; ++i, next += stride ? stride : 3 * sizeof(float)) {
+        float position[3];
+        double wide[3];
+        memcpy(position, next, sizeof position);
+        for (int k = 0; k < 3; ++k) wide[k] = (double)position[k];
+        sps_tmap_query(map, 1, wide, optical_depths ? optical_depths + i : NULL,
+                       transmittances ? transmittances + i : NULL);
     }
     return SPS_OK;
 }
@@ -28407,8 +28457,8 @@ SPS_API const float *sps_tmap_surfaces(const sps_tmap *map) {
 }
 
 SPS_API sps_result sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]) {
-    if (!map || !map->finished || face < 0 || face >= map->face_count) return SPS_ERROR_ARGUMENT;
-    if (matrix) spsi_rays_matrix(&map->rays[face], matrix);
+    if (!map || !map->finished || face < 0 || face >= map->grid.face_count) return SPS_ERROR_ARGUMENT;
+    if (matrix) spsi_rays_matrix(&map->grid.rays[face], matrix);
     if (bias) memcpy(bias, map->bias, sizeof map->bias);
     return SPS_OK;
 }
@@ -28430,26 +28480,26 @@ SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tma
     constants->has_planes = settings->planes != NULL;
     constants->cubic = settings->cubic != 0;
     constants->has_surfaces = map->data.surfaces.data != NULL;
-    constants->width = map->rays[face].width;
-    constants->height = map->rays[face].height;
+    constants->width = map->grid.rays[face].width;
+    constants->height = map->grid.rays[face].height;
     constants->near_depth = (float)settings->near_depth;
     constants->far_depth = (float)settings->far_depth;
     constants->bias = (float)bias[0];
     constants->bias_per_distance = (float)bias[1];
     constants->face = face;
-    constants->face_count = map->face_count;
+    constants->face_count = map->grid.face_count;
     return SPS_OK;
 }
 
 SPS_API sps_result sps_tmap_get_info(const sps_tmap *map, sps_tmap_info *info) {
     if (!map || !info) return SPS_ERROR_ARGUMENT;
     memset(info, 0, sizeof *info);
-    info->width = map->rays[0].width;
-    info->height = map->rays[0].height;
-    info->face_count = map->face_count;
+    info->width = map->grid.rays[0].width;
+    info->height = map->grid.rays[0].height;
+    info->face_count = map->grid.face_count;
     info->is_finished = map->finished;
     info->item_floats = map->technique->lists ? (int)(map->technique->lists / sizeof(float)) : map->settings.components;
-    info->texel_count = spsi_tmap_texel_count(map);
+    info->texel_count = spsi_light_grid_texels(&map->grid);
     info->float_count = info->texel_count * (size_t)info->item_floats;
     if (map->technique->lists)
         info->float_count = map->finished ? spsi_tmap_item_count(map) * (size_t)info->item_floats : 0;

@@ -145,7 +145,7 @@ static inline double through(const sps_tmap *map, double x, double y, double z) 
 
 /* A point on the ray of a texel; only its position comes from the map's own rays. */
 static inline void on_ray(const sps_tmap *map, int face, int x, int y, double t, double point[3]) {
-    spsi_ray_point(&map->rays[face], x, y, t, point);
+    spsi_ray_point(&map->grid.rays[face], x, y, t, point);
 }
 
 /* A rectangle across z. */
@@ -292,14 +292,14 @@ static inline void begin_mixed(fixture *f, int technique) {
 /* ------------------------------------------------------------------------------------------------------------ order */
 
 static inline size_t float_count(const sps_tmap *map) {
-    const size_t texels = (size_t)map->rays[0].width * (size_t)map->rays[0].height * (size_t)map->face_count;
+    const size_t texels = (size_t)map->grid.rays[0].width * (size_t)map->grid.rays[0].height * (size_t)map->grid.face_count;
     if (map->technique->lists)
         return (map->settings.technique == SPS_TMAP_DEEP ? 4 : 2) * (size_t)sps_tmap_starts(map)[texels];
     return texels * (size_t)map->settings.components;
 }
 
 static inline int same_map(const sps_tmap *a, const sps_tmap *b) {
-    const size_t texels = (size_t)a->rays[0].width * (size_t)a->rays[0].height * (size_t)a->face_count;
+    const size_t texels = (size_t)a->grid.rays[0].width * (size_t)a->grid.rays[0].height * (size_t)a->grid.face_count;
     if (float_count(a) != float_count(b) || !sps_tmap_surfaces(a) != !sps_tmap_surfaces(b)) return 0;
     if (memcmp(sps_tmap_texels(a), sps_tmap_texels(b), float_count(a) * sizeof(float)) != 0) return 0;
     if (sps_tmap_surfaces(a) && memcmp(sps_tmap_surfaces(a), sps_tmap_surfaces(b), texels * sizeof(float)) != 0)

@@ -123,8 +123,8 @@ static void test_small_particles(void) {
             see(&f, i % 2 ? ORTHO : ORTHO_TURNED, SIDE);
             map = build(&f, context);
             on_ray(map, 0, 4, 4, 10, point);
-            vec_along(point, map->rays[0].a, px, point);
-            vec_along(point, map->rays[0].b, py, point);
+            vec_along(point, map->grid.rays[0].a, px, point);
+            vec_along(point, map->grid.rays[0].b, py, point);
             sps_tmap_destroy(map);
             add(&f, soft, point[0], point[1], point[2], r,
                 depth / (f.sets[soft].is_extinction ? r * (soft ? 4.0 / 3 : 2) : 1));
@@ -784,7 +784,7 @@ static void test_watertight(void) {
             for (int i = 0; i < 3; ++i) check_add_corners(&f.triangles[0], nowhere[0], nowhere[0], nowhere[1]);
             add_mesh(&f, 0, 0.5);
             map = must_build(&f, context);
-            for (int i = 0; map && i < f.light.width * f.light.height * map->face_count; ++i)
+            for (int i = 0; map && i < f.light.width * f.light.height * map->grid.face_count; ++i)
                 if (!CHECK(sps_tmap_starts(map)[i + 1] - sps_tmap_starts(map)[i] == 1))
                     printf("    way %d texel %d jitter %d\n", way, i, jitter);
             sps_tmap_destroy(map);

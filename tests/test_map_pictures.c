@@ -138,14 +138,14 @@ static void test_fitted_range(void) {
     double depths[4][2];
     for (int n = 0; n < 4; ++n) {
         picture p;
-        const sps_tmap *map;
+        const spsi_shadow_table *map;
         begin_picture(&p, WIDE, HIGH, 9);
         p.settings.technique = n == 0 ? SPS_TMAP_OPACITY : SPS_TMAP_FOURIER;
         p.settings.texel_range = n == 2;
         lit_by_map(&p, n == 3 ? check_add_point(&p.s, 0.2, 6, 0.1, 20) : check_add_directional(&p.s, 0, -1, 0, 3));
         check_render(context, &p.s, image_a);
-        map = (const sps_tmap *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data; /* as the render left it */
-        depths[n][0] = map->settings.near_depth, depths[n][1] = map->settings.far_depth;
+        map = (const spsi_shadow_table *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data; /* as the render left it */
+        depths[n][0] = map->grid.near_depth, depths[n][1] = map->grid.far_depth;
         check_free_triangles(&p.floor);
     }
     {
@@ -178,12 +178,13 @@ static void test_default_size(void) {
         lit_by_map(&p, light);
         check_render(context, &p.s, n ? image_b : image_a);
         {
-            const sps_tmap *map = (const sps_tmap *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data;
+            const spsi_shadow_table *map =
+                (const spsi_shadow_table *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data;
             const double voxel = 2.0 / 16, farthest = 1.45; /* kernels reach at most 2.5 voxels farther */
-            CHECK(map->face_count == 6);
-            CHECK(n ? map->rays[0].width == 128
-                    : map->rays[0].width >= 2 * farthest / voxel &&
-                          map->rays[0].width <= 2 * (farthest / voxel + 2.5) + 1);
+            CHECK(map->grid.face_count == 6);
+            CHECK(n ? map->grid.rays[0].width == 128
+                    : map->grid.rays[0].width >= 2 * farthest / voxel &&
+                          map->grid.rays[0].width <= 2 * (farthest / voxel + 2.5) + 1);
         }
         check_free_triangles(&p.floor);
     }

@@ -930,7 +930,7 @@ static void test_slabs_side_by_side(void) {
             points.at[0][i] = i % 5 == 4 ? -2 : 2.5, points.at[1][i] = 2;
             points.at[2][i] = 40 + shift + 0.3 + i * 7 % SPSI_LANES;
         }
-        spsi_sliced_surfaces(&sliced, 40, &points, depths);
+        spsi_store(depths, spsi_sliced_surfaces(&sliced, 40, &points));
         for (int i = 0; i < SPSI_LANES; ++i) {
             const double slab = fmin(fmax(points.at[2][i] - 40, 0), SPSI_CHUNK), k = fmin(floor(slab), SPSI_CHUNK - 1);
             const double exact = i % 5 == 4 ? 0 : k * k + (slab - k) * (2 * k + 1);

@@ -788,7 +788,7 @@ static void test_settings(void) {
         s.light[0].shadow_map_resolution = size;
         stats = render_stats(&s, image_b);
         CHECK(context->shadow_table_count == 1);
-        CHECK(((const sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data)->data.texels.size <
+        CHECK(((const spsi_shadow_table *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data)->pairs.size <
               settings.byte_budget);
     }
     settings.byte_budget = 60000;

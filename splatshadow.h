@@ -1799,7 +1799,6 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
     SPSI_BUFFER_REFERENCE_PARTICLE_NODES,
-    SPSI_BUFFER_SPHERE_ORDER, /* sorted front to back */
     SPSI_BUFFER_SPHERES,      /* in a map's ray space, >>tmaps */
     SPSI_BUFFER_SPHERE_STARTS,
     SPSI_BUFFER_SPHERE_LIST,
@@ -14373,57 +14372,19 @@ SPSI_COLD sps_result spsi_fill_fits(spsi_filling *filling) {
 
 /* --- particles into tiles --- */
 
-/* Depth steps of the counting sort; more would not shorten later sorting. */
-#define SPSI_DEPTH_STEPS 4096
-
 typedef struct spsi_sphere_job {
     const spsi_rays *rays;
     const spsi_rays *faces; /* all cube faces: a particle's mass is equal on each; NULL: one face */
     const spsi_frame *frame;
-    double near_depth, steps_per_depth;
-    uint32_t *order; /* NULL: unsorted */
-    uint16_t *steps; /* depth step where each begins */
     spsi_sphere *spheres;
 } spsi_sphere_job;
 
-static void spsi_sphere_steps_task(void *data, int i) {
-    const spsi_sphere_job *job = (const spsi_sphere_job *)data;
-    const double *axis = job->rays->inverse[2], reach = spsi_length(axis);
-    const sps_particle *particle = &job->frame->content->particles[i];
-    double offset[3], front;
-    for (int k = 0; k < 3; ++k) offset[k] = (double)particle->position[k] - job->rays->origin[k];
-    front = spsi_dot(axis, offset) - reach * (double)particle->radius - job->near_depth;
-    job->steps[i] = (uint16_t)spsi_dmin(spsi_dmax(front * job->steps_per_depth, 0), SPSI_DEPTH_STEPS - 1);
-}
-
-SPSI_COLD size_t spsi_spheres_order_bytes(size_t particles) {
-    return (SPSI_DEPTH_STEPS + 1) * sizeof(uint32_t) + particles * (sizeof(uint32_t) + sizeof(uint16_t));
-}
-
-/* Sorts particles by depth, so that texels' lists are nearly sorted. */
-SPSI_COLD sps_result spsi_spheres_order(sps_context *context, spsi_sphere_job *job) {
-    const int count = job->frame->content->particle_count;
-    job->order =
-        (uint32_t *)spsi_reserve(context, SPSI_BUFFER_SPHERE_ORDER, 1, spsi_spheres_order_bytes((size_t)count));
-    if (!job->order) return context->result;
-    uint32_t *starts = job->order + count;
-    job->steps = (uint16_t *)(void *)(starts + SPSI_DEPTH_STEPS + 1);
-    spsi_parallel_batches(context, count, spsi_sphere_steps_task, job);
-    memset(starts, 0, (SPSI_DEPTH_STEPS + 1) * sizeof *starts);
-    for (int i = 0; i < count; ++i) starts[job->steps[i] + 1] += 1;
-    spsi_running_sums(starts, SPSI_DEPTH_STEPS + 1);
-    for (int i = 0; i < count; ++i) job->order[starts[job->steps[i]]++] = (uint32_t)i;
-    return SPS_OK;
-}
-
 static void spsi_spheres_task(void *data, int i) {
     const spsi_sphere_job *job = (const spsi_sphere_job *)data;
-    const spsi_frame *frame = job->frame;
-    const int particle = job->order ? (int)job->order[i] : i;
-    const spsi_particle_set *set = spsi_set_of(frame, particle);
-    spsi_sphere_build(job->rays, set, &frame->content->particles[particle], &job->spheres[i]);
-    spsi_sphere_weigh(job->rays, job->faces, SPSI_SPHERE_COARSE_LIGHT, set, &frame->content->particles[particle],
-                      &job->spheres[i]);
+    const sps_particle *particle = &job->frame->content->particles[i];
+    const spsi_particle_set *set = spsi_set_of(job->frame, i);
+    spsi_sphere_build(job->rays, set, particle, &job->spheres[i]);
+    spsi_sphere_weigh(job->rays, job->faces, SPSI_SPHERE_COARSE_LIGHT, set, particle, &job->spheres[i]);
 }
 
 #define SPSI_OUTSIDE 1e-3 /* negligible fraction of the depth range */
@@ -14470,16 +14431,8 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     const int tiles_x = spsi_tile_columns(rays);
     const size_t tiles = (size_t)tiles_x * (size_t)spsi_tile_rows(rays);
     const size_t count = (size_t)occluders->frame->content->particle_count;
-    spsi_sphere_job job = {rays,
-                           map->grid.face_count > 1 ? map->grid.rays : NULL,
-                           occluders->frame,
-                           map->grid.near_depth,
-                           SPSI_DEPTH_STEPS * map->grid.per_depth,
-                           NULL,
-                           NULL,
-                           NULL};
+    spsi_sphere_job job = {rays, map->grid.face_count > 1 ? map->grid.rays : NULL, occluders->frame, NULL};
     if (count == 0) return SPS_OK;
-    if (map->technique->lists && spsi_spheres_order(context, &job)) return context->result;
     job.spheres = (spsi_sphere *)spsi_reserve(context, SPSI_BUFFER_SPHERES, count, sizeof(spsi_sphere));
     uint32_t *starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_SPHERE_STARTS, tiles + 1, sizeof *starts);
     if (!job.spheres || !starts) return context->result;
@@ -15190,7 +15143,6 @@ SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *
         *filling += (texels + 1) * (lists ? 1 : components) * sizeof(float);
     *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
     *filling += frame->particles.count * (sizeof(spsi_sphere) + SPSI_SPHERE_TILES * sizeof(uint32_t));
-    if (lists) *filling += spsi_spheres_order_bytes(frame->particles.count);
     *filling += (tiles * tiles * (1 + SPSI_SPHERE_TILES) + 2) * sizeof(uint32_t);
 }
 

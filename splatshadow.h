@@ -2828,9 +2828,8 @@ static int spsi_transfer_shows(const spsi_material *material, float high) {
    Insertion costs the planes crossed, or all components; lists n log n. T is transmittance, exp(-optical depth). */
 
 #define SPSI_TMAP_COMPONENTS 65     /* per texel */
-#define SPSI_SOFT_PIECES     8      /* per soft interval; error 1.2 % of its depth */
-#define SPSI_SOFT_MOST       256    /* maximum, for a given error */
-#define SPSI_SOFT_EPSILON    0.001f /* minimum error */
+#define SPSI_SOFT_MOST       256    /* pieces between two ends of intervals, where one is soft */
+#define SPSI_SOFT_EPSILON    0.001f /* minimum error with soft intervals */
 
 /* Interval u0..u1 of a ray: uniform (soft 0), or density 1 - s^2, s = -1 to 1 (soft 1). With the light inside a
    particle, only the last `soft` of the chord. Ends may exceed 0..1; depth beyond counts at 0 or 1. */
@@ -2972,118 +2971,93 @@ static int spsi_intervals_extent(const spsi_intervals *intervals, float *first, 
 
 /* ---- curves ---- */
 
-/* Maximum numbers of nodes and of intervals. */
-#define SPSI_CURVE_NODES(count, pieces)   (((pieces) + 1) * (count) + 2)
-#define SPSI_CURVE_SCRATCH(count, pieces) (3 * ((pieces) + 1) * (count))
+/* Maximum numbers of nodes and of intervals. Soft intervals take SPSI_SOFT_MOST pieces. */
+#define SPSI_CURVE_NODES(count, pieces) (2 * ((pieces) + 1) * (count))
+#define SPSI_CURVE_SCRATCH(count)       (3 * (count))
 
-#define SPSI_SOFT_DEPTH  8  /* optical depth that needs fine pieces */
-#define SPSI_SOFT_HALVES 20 /* bisection steps, to 1e-6 of the length */
+typedef struct spsi_curve {
+    const spsi_interval *sorted;
+    int count, first; /* intervals before the first lie wholly in front */
+    double before;    /* their optical depth */
+    double error;     /* of T, per piece */
+    spsi_node *nodes;
+    int node_count;
+} spsi_curve;
 
-/* Number of pieces for an error of T below epsilon / 4. A piece of length h has h^2 / 8 times the slope of density, at
-   most 6 depth; overlaps add up. Light ends at SPSI_SOFT_DEPTH per interval, twice that in all. */
-static int spsi_soft_pieces(const spsi_interval *list, int count, float epsilon) {
-    double sum = 0;
-    for (int i = 0; i < count; ++i)
-        if (list[i].soft > 0) sum += spsi_dmin((double)list[i].depth, SPSI_SOFT_DEPTH);
-    return (int)spsi_dmin(2 + ceil(sqrt(3 * spsi_dmin(sum, 2 * SPSI_SOFT_DEPTH) / (double)epsilon)), SPSI_SOFT_MOST);
-}
-
-/* Point of a soft interval where light ends. Whole chord: t^2 = SPSI_SOFT_DEPTH / depth, as S(t) > t^2. Cut: bisection
-   to twice that depth. */
-static float spsi_soft_end(const spsi_interval *interval, float from, float to) {
-    const float want = spsi_interval_fraction(interval, from) + 2 * SPSI_SOFT_DEPTH / interval->depth;
-    if (!(interval->depth > SPSI_SOFT_DEPTH) || !(spsi_interval_fraction(interval, to) > want)) return to;
-    if (!(interval->u0 < from) && !(interval->soft < 1))
-        return spsi_fmin(to, from + (interval->u1 - from) * sqrtf(SPSI_SOFT_DEPTH / interval->depth));
-    for (int i = 0; i < SPSI_SOFT_HALVES; ++i) {
-        const float middle = 0.5f * (from + to);
-        if (spsi_interval_fraction(interval, middle) > want)
-            to = middle;
-        else
-            from = middle;
-    }
-    return to;
-}
-
-/* Bends of an interval's curve, and its fraction before u. */
-typedef struct spsi_kinks {
-    spsi_interval *list;
-    int count;
-    float depth, u, share;
-} spsi_kinks;
-
-/* Adds a piece as two bends, ahead from its start and back from its end. depth / (u1 - u0) is the change of slope.
-   Without length it is one bend, a jump. */
-static void spsi_kinks_add(spsi_kinks *bends, float u, float share) {
-    const spsi_interval ahead = {bends->u, u, bends->depth * (share - bends->share), 0};
-    const spsi_interval back = {u, bends->u, ahead.depth, 0};
-    if (!(share > bends->share)) return;
-    bends->list[bends->count++] = ahead;
-    if (u > bends->u) bends->list[bends->count++] = back;
-    bends->u = u, bends->share = share;
-}
-
-/* Bends of an interval within 0..1. Soft ones are cut where light remains; parts outside become jumps. */
-static int spsi_curve_kinks(const spsi_interval *interval, int soft_pieces, spsi_interval *list) {
-    const float first = spsi_fmax(spsi_fmin(interval->u0, 1), 0), last = spsi_fmax(spsi_fmin(interval->u1, 1), 0);
-    const int pieces = interval->soft > 0 && last > first ? soft_pieces : 1;
-    const float end = pieces > 1 ? spsi_soft_end(interval, first, last) : last;
-    const int fine = end < last ? pieces - 1 : pieces;
-    spsi_kinks bends = {list, 0, spsi_fmin(interval->depth, SPSI_DEPTH_MAX), first, 0};
-    if (!(bends.depth > 0)) return 0;
-    if (interval->u0 < 0) spsi_kinks_add(&bends, first, spsi_interval_fraction(interval, first));
-    for (int i = 1; i < pieces; ++i) {
-        const float u = first + (end - first) * ((float)i / (float)fine);
-        spsi_kinks_add(&bends, u, spsi_interval_fraction(interval, u));
-    }
-    if (last > first) spsi_kinks_add(&bends, last, spsi_interval_fraction(interval, last));
-    spsi_kinks_add(&bends, last, 1);
-    return bends.count;
-}
-
-/* Compensated sum for slopes of different size. [Neumaier 1974] */
-typedef struct spsi_sum {
-    double high, low;
-} spsi_sum;
-
-static inline void spsi_sum_add(spsi_sum *sum, double x) {
-    const double high = sum->high + x;
-    sum->low += fabs(sum->high) >= fabs(x) ? sum->high - high + x : x - high + sum->high;
-    sum->high = high;
-}
-
-/* Keeps only the first and last node at one u. */
-static int spsi_curve_append(spsi_node *nodes, int count, float u, double depth) {
+/* Keeps only the first and last node at one u. Depth never falls. */
+static void spsi_curve_append(spsi_curve *curve, float u, double depth) {
+    spsi_node *nodes = curve->nodes;
+    const int count = curve->node_count, same = count > 0 && !(nodes[count - 1].u < u);
     const float capped = spsi_fmin((float)depth, SPSI_DEPTH_MAX);
-    const int same = count > 0 && !(nodes[count - 1].u < u);
-    if (same && !(nodes[count - 1].value < capped)) return count;
-    if (same && count > 1 && !(nodes[count - 2].u < u)) --count;
-    nodes[count].u = u;
-    nodes[count].value = capped;
-    return count + 1;
+    const spsi_node node = {u, count > 0 ? spsi_fmax(capped, nodes[count - 1].value) : capped};
+    if (same && !(nodes[count - 1].value < node.value)) return;
+    if (same && count > 1 && !(nodes[count - 2].u < u)) --curve->node_count;
+    nodes[curve->node_count++] = node;
 }
 
-/* Curve of intervals sorted by u0, exact but for round-off; soft ones in at least 2 `pieces`. Returns the number of
-   nodes; the first has depth 0. */
-static int spsi_curve_build(const spsi_interval *sorted, int count, int pieces, spsi_interval *scratch,
-                            spsi_node *nodes) {
-    int bends = 0, nodes_made = 0, open = 0;
-    double depth = 0;
-    spsi_sum slope = {0, 0};
-    for (int i = 0; i < count; ++i) bends += spsi_curve_kinks(&sorted[i], pieces, scratch + bends);
-    spsi_intervals_sort(scratch, (size_t)bends, scratch + bends);
-    for (int i = 0; i < bends; ++i) {
-        const double length = (double)scratch[i].u1 - (double)scratch[i].u0, more = (double)scratch[i].depth;
-        if (i > 0) depth += spsi_dmax(slope.high + slope.low, 0) * ((double)scratch[i].u0 - (double)scratch[i - 1].u0);
-        nodes_made = spsi_curve_append(nodes, nodes_made, scratch[i].u0, depth);
-        if (length > 0 || length < 0) {
-            spsi_sum_add(&slope, more / length);
-            open += length > 0 ? 1 : -1;
-            if (open == 0) slope.high = slope.low = 0;
-        } else
-            nodes_made = spsi_curve_append(nodes, nodes_made, scratch[i].u0, depth += more);
+/* Optical depth before u, with or without jumps at u; all that lies behind 1 jumps there. */
+static double spsi_curve_depth(const spsi_curve *curve, float u, int jumps) {
+    const int all = jumps && u >= 1;
+    double sum = curve->before;
+    for (int i = curve->first; i < curve->count; ++i) {
+        const spsi_interval *interval = &curve->sorted[i];
+        if (!all && (jumps ? interval->u0 > u : !(interval->u0 < u))) break;
+        sum += (double)interval->depth * (all ? 1 : (double)spsi_interval_fraction(interval, u));
     }
-    return nodes_made;
+    return sum;
+}
+
+/* Whether a chord from u on is close enough. Between ends, the curve is a cubic, and its distance t (1 - t) (a + b t)
+   from a chord follows from two points within. */
+static int spsi_curve_is_straight(const spsi_curve *curve, float u, double step, double depth) {
+    const double end = spsi_curve_depth(curve, (float)((double)u + step), 0);
+    const double first = spsi_curve_depth(curve, (float)((double)u + step / 3), 0) - (2 * depth + end) / 3;
+    const double second = spsi_curve_depth(curve, (float)((double)u + step * 2 / 3), 0) - (depth + 2 * end) / 3;
+    const double most = 9.0 / 8 * spsi_dmax(fabs(2 * first - second), fabs(2 * second - first));
+    return most * exp(-depth) <= curve->error;
+}
+
+/* Continues a curve to the next end. Soft intervals are cut into pieces, as long as the error of T allows. */
+static void spsi_curve_advance(spsi_curve *curve, float u, double depth, float end) {
+    double step = (double)end - (double)u;
+    const double least = 1e-6 * step;
+    int left = 1;
+    for (int i = curve->first; i < curve->count && curve->sorted[i].u0 < end && left == 1; ++i)
+        if (curve->sorted[i].soft > 0 && curve->sorted[i].u1 > u) left = SPSI_SOFT_MOST;
+    for (; left > 0 && u < end; --left) {
+        const double rest = (double)end - (double)u;
+        step = left > 1 ? spsi_dmin(2 * step, rest) : rest;
+        while (left > 1 && step > least && !spsi_curve_is_straight(curve, u, step, depth)) step *= 0.5;
+        u = step < rest ? spsi_fmin((float)((double)u + step), end) : end;
+        depth = spsi_curve_depth(curve, u, 0);
+        spsi_curve_append(curve, u, depth);
+    }
+}
+
+/* Curve of intervals sorted by u0: exact at their ends, and T elsewhere within `error`, but for round-off. Returns the
+   number of nodes; the first has depth 0. */
+static int spsi_curve_build(const spsi_interval *sorted, int count, double error, spsi_interval *scratch,
+                            spsi_node *nodes) {
+    spsi_curve curve = {sorted, count, 0, 0, error, nodes, 0};
+    size_t ends = 0;
+    double depth = 0;
+    for (int i = 0; i < 2 * count; ++i) {
+        const float u = i % 2 ? sorted[i / 2].u1 : sorted[i / 2].u0;
+        const spsi_interval end = {spsi_fmin(spsi_fmax(u, 0), 1), 0, 0, 0};
+        if (sorted[i / 2].depth > 0) scratch[ends++] = end;
+    }
+    spsi_intervals_sort(scratch, ends, scratch + ends);
+    for (size_t k = 0; k < ends; ++k) {
+        const float u = scratch[k].u0;
+        if (k == 0) spsi_curve_append(&curve, u, 0);
+        if (k > 0 && !(u > scratch[k - 1].u0)) continue;
+        if (k > 0) spsi_curve_advance(&curve, scratch[k - 1].u0, depth, u);
+        depth = spsi_curve_depth(&curve, u, 1);
+        spsi_curve_append(&curve, u, depth);
+        for (; curve.first < count && sorted[curve.first].u1 <= u; ++curve.first)
+            curve.before += (double)sorted[curve.first].depth;
+    }
+    return curve.node_count;
 }
 
 /* ---- turning angles ---- */
@@ -13798,7 +13772,8 @@ typedef struct spsi_filling {
     const spsi_occluders *occluders;
     spsi_band band;
     spsi_visit visit;
-    int pieces;     /* most pieces of a soft particle */
+    int pieces;     /* between two ends of intervals: 1 without soft particles */
+    float error;    /* compressed map: tolerance of soft pieces */
     float epsilon;  /* compressed map: tolerance without soft pieces */
     int has_sizes;  /* 1: item counts are known; nodes replace intervals where they fit */
     float *scratch; /* per worker: intervals to sort, curve, nodes */
@@ -14249,7 +14224,7 @@ static size_t spsi_fitting_lay_out(const spsi_filling *filling, float *memory, s
     const uint64_t most = filling->band.most, pieces = (uint64_t)filling->pieces;
     const uint64_t curve = sorts_only ? 0 : SPSI_CURVE_NODES(most, pieces);
     const uint64_t nodes = (uint64_t)spsi_compressed_most((int)curve, filling->epsilon);
-    const uint64_t intervals = sorts_only ? most / 2 : SPSI_CURVE_SCRATCH(most, pieces);
+    const uint64_t intervals = sorts_only ? most / 2 : SPSI_CURVE_SCRATCH(most);
     const size_t node = sizeof(spsi_node) / sizeof(float);
     size_t laid = 0;
     fitting->filling = filling;
@@ -14264,9 +14239,8 @@ static size_t spsi_fitting_lay_out(const spsi_filling *filling, float *memory, s
 static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_interval *list, uint32_t count) {
     const spsi_filling *filling = fitting->filling;
     const int most = filling->map->settings.components / 2;
-    const int pieces = most > 0 ? filling->pieces : spsi_soft_pieces(list, (int)count, filling->map->settings.epsilon);
-    SPS_ASSERT(filling->pieces == 1 || pieces <= filling->pieces); /* 1: nothing is soft */
-    const int bends = spsi_curve_build(list, (int)count, pieces, fitting->intervals, fitting->curve);
+    const int bends =
+        spsi_curve_build(list, (int)count, (double)filling->error, fitting->intervals, fitting->curve);
     int nodes = spsi_curve_compress(fitting->curve, bends, filling->epsilon, fitting->nodes);
     if (nodes > 0 && most > 0) nodes = spsi_nodes_thin(fitting->nodes, nodes, most, fitting->curve[bends - 1].value);
     return (uint32_t)nodes;
@@ -14350,13 +14324,14 @@ SPSI_COLD sps_result spsi_fill_fits(spsi_filling *filling) {
     const int has_soft = filling->occluders->frame->particles.has_soft;
     spsi_fitting fitting;
     if (spsi_fill_lists(filling)) return context->result;
-    filling->pieces = has_soft ? map->settings.components > 0 ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
+    filling->pieces = has_soft ? SPSI_SOFT_MOST : 1;
+    filling->error = 0.25f * spsi_fmax(map->settings.epsilon, 0.25f * SPSI_SOFT_EPSILON);
     filling->epsilon = map->settings.epsilon * (has_soft ? 0.75f : 1); /* the rest is for soft pieces */
     /* error that bounds allow for */
     filling->map->inner.epsilon = spsi_fmax(map->settings.epsilon, has_soft ? SPSI_SOFT_EPSILON : SPSI_EPSILON_MIN);
-    if (filling->band.most > INT32_MAX / (4 * (SPSI_SOFT_MOST + 1)) && map->settings.technique != SPS_TMAP_DEEP)
+    if (filling->band.most > INT32_MAX / (8 * (SPSI_SOFT_MOST + 1)) && map->settings.technique != SPS_TMAP_DEEP)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "intervals in a texel",
-                               (double)filling->band.most, "2 million can be fitted");
+                               (double)filling->band.most, "a million can be fitted");
     filling->scratch_floats = spsi_fitting_lay_out(filling, NULL, &fitting);
     filling->scratch = (float *)spsi_reserve(context, SPSI_BUFFER_CURVES, (size_t)spsi_worker_count(context),
                                              filling->scratch_floats * sizeof(float));

@@ -8696,31 +8696,29 @@ static inline void spsi_map_ends(const spsi_depth_map *map, int face, spsi_v at,
     }
 }
 
-/* Clamps the middle to the grid. */
-static inline void spsi_map_segment_place(const spsi_rays *rays, spsi_map_segment *way) {
-    for (int i = 0; i < 2; ++i) {
-        const float last = (float)(i == 0 ? rays->width - 1 : rays->height - 1);
-        way->middle[i] = spsi_clamp(way->middle[i], spsi_set(0), spsi_set(last));
-        way->first[i] = spsi_min(spsi_floor(way->middle[i]), spsi_set(last - 1));
-        way->middle[i] = spsi_sub(way->middle[i], way->first[i]);
-    }
-}
-
+/* Projects the extent to first order, since either end may miss the face. */
 static inline void spsi_map_segment_build(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
                                           spsi_map_segment *way) {
     const spsi_rays *rays = &map->rays[face];
-    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f);
-    spsi_v q[2][3], t[2];
-    spsi_map_ends(map, face, at, y, d, q, t);
-    way->inside = spsi_less(spsi_set(FLT_MIN * 16), spsi_min(t[0], t[1]));
-    for (int i = 0; i < 3; ++i) {
+    const spsi_v half = spsi_set(0.5f), rise = spsi_mul(half, spsi_sub(d[1], d[0])), least = spsi_set(FLT_MIN * 16);
+    spsi_row_linears linears;
+    spsi_row_linears_build(map->along[face], at, y, &linears);
+    spsi_row_linears_at(&linears, spsi_mul(half, spsi_add(d[0], d[1])), way->middle);
+    for (int i = 0; i < 3; ++i) way->rise[i] = spsi_mul(rise, linears.slope[i]);
+    const spsi_v t = spsi_add(way->middle[2], spsi_set((float)rays->depth_reference)), by = spsi_max(t, least);
+    way->inside = spsi_less(rays->perspective ? least : spsi_set(-SPSI_INFINITY), t);
+    for (int i = 0; i < 2; ++i) {
         const spsi_v size = spsi_set((float)(i == 0 ? rays->width - 1 : rays->height - 1));
-        way->middle[i] = spsi_mul(half, spsi_add(q[0][i], q[1][i]));
-        way->rise[i] = spsi_mul(half, spsi_sub(q[1][i], q[0][i]));
-        if (i == 2) break;
-        way->inside = spsi_and(way->inside, spsi_and(spsi_less(zero, way->middle[i]), spsi_less(way->middle[i], size)));
+        if (rays->perspective) {
+            way->middle[i] = spsi_div(way->middle[i], by);
+            way->rise[i] = spsi_div(spsi_sub(way->rise[i], spsi_mul(way->middle[i], way->rise[2])), by);
+        }
+        way->inside = spsi_and(way->inside, spsi_less(spsi_set(0), way->middle[i]));
+        way->inside = spsi_and(way->inside, spsi_less(way->middle[i], size));
+        way->middle[i] = spsi_select(way->inside, way->middle[i], half); /* may have been infinite */
+        way->first[i] = spsi_min(spsi_floor(way->middle[i]), spsi_sub(size, spsi_set(1)));
+        way->middle[i] = spsi_sub(way->middle[i], way->first[i]);
     }
-    spsi_map_segment_place(rays, way);
 }
 
 /* Fraction of a segment in front of the plane of texel i. Its distance is linear: `ahead` in the middle, `per` more or
@@ -8832,25 +8830,6 @@ SPSI_COLD void spsi_translucency_map_fill(sps_context *context, const spsi_frame
     }
 }
 
-/* Projects the extent to first order, since either end may miss the face. */
-static void spsi_translucent_segment_build(const spsi_translucency_map *map, int face, spsi_v at, float y,
-                                           const spsi_v d[2], spsi_map_segment *way) {
-    const spsi_rays *rays = &map->grid.rays[face];
-    const spsi_v half = spsi_set(0.5f), rise = spsi_mul(half, spsi_sub(d[1], d[0])), most = spsi_set(1e9f);
-    spsi_row_linears linears;
-    spsi_row_linears_build(map->grid.along[face], at, y, &linears);
-    spsi_row_linears_at(&linears, spsi_mul(half, spsi_add(d[0], d[1])), way->middle);
-    for (int i = 0; i < 3; ++i) way->rise[i] = spsi_mul(rise, linears.slope[i]);
-    const spsi_v t = spsi_max(spsi_add(way->middle[2], spsi_set((float)rays->depth_reference)), spsi_set(FLT_MIN * 16));
-    for (int i = 0; i < 2 && rays->perspective; ++i) {
-        way->middle[i] = spsi_div(way->middle[i], t);
-        way->rise[i] = spsi_div(spsi_sub(way->rise[i], spsi_mul(way->middle[i], way->rise[2])), t);
-    }
-    way->inside = spsi_and(spsi_less(spsi_abs(way->middle[0]), most), spsi_less(spsi_abs(way->middle[1]), most));
-    for (int i = 0; i < 2; ++i) way->middle[i] = spsi_select(way->inside, way->middle[i], half);
-    spsi_map_segment_place(rays, way);
-}
-
 /* The n-th planes of a vector of texels, and their transmittance. */
 typedef struct spsi_translucent_planes {
     float depth[SPSI_LANES], slope[2][SPSI_LANES], passes[3][SPSI_LANES];
@@ -8915,7 +8894,7 @@ static void spsi_translucency_map_filter(const spsi_translucency_map *map, const
         const spsi_m elsewhere = spsi_less(t[face], farthest);
         if (spsi_bits(elsewhere) == SPSI_ALL_LANES) continue;
         if (!spsi_depth_map_may_shade(&map->grid, face, at, y, d)) continue;
-        spsi_translucent_segment_build(map, face, at, y, d, &way);
+        spsi_map_segment_build(&map->grid, face, at, y, d, &way);
         spsi_translucent_transmittance(map, face, faces, &way, through);
         for (int c = 0; c < 3; ++c) {
             through[c] = spsi_select(way.inside, through[c], spsi_set(1));

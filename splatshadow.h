@@ -2825,7 +2825,7 @@ static int spsi_transfer_shows(const spsi_material *material, float high) {
    Lists need a ray's whole curve.
        straight lines of T within epsilon     [Lokovic & Veach 2000], thinned by least area [Salvi et al. 2010].
 
-   Insertion costs the planes crossed, or all components; lists n log n. T is transmittance, exp(-optical depth). */
+   Insertion costs the planes crossed, or all components. T is transmittance, exp(-optical depth). */
 
 #define SPSI_TMAP_COMPONENTS 65     /* per texel */
 #define SPSI_SOFT_MOST       256    /* pieces between two ends of intervals, where one is soft */
@@ -2904,38 +2904,15 @@ static inline int spsi_interval_less(const spsi_interval *a, const spsi_interval
     return a->soft < b->soft;
 }
 
-/* Merges two sorted parts. The ordered start stays in place, so nearly sorted lists are cheap. */
-static void spsi_intervals_merge(spsi_interval *list, size_t half, size_t count, spsi_interval *scratch) {
-    size_t to = half, left = 0, right = half, moved;
-    while (to > 0 && spsi_interval_less(&list[half], &list[to - 1])) --to;
-    moved = half - to;
-    memcpy(scratch, list + to, moved * sizeof *list);
-    while (left < moved && right < count)
-        list[to++] = spsi_interval_less(&list[right], &scratch[left]) ? list[right++] : scratch[left++];
-    memcpy(list + to, scratch + left, (moved - left) * sizeof *list);
-}
-
-static void spsi_intervals_insert(spsi_interval *list, size_t count) {
-    for (size_t i = 1; i < count; ++i) {
-        const spsi_interval taken = list[i];
-        size_t k = i;
-        for (; k > 0 && spsi_interval_less(&taken, &list[k - 1]); --k) list[k] = list[k - 1];
-        list[k] = taken;
-    }
-}
-
-#define SPSI_SORT_SHORT 16 /* insertion sort is faster up to here */
-
-/* Merge sort by u0, scratch for half: n log n, or n if nearly in order. */
-static void spsi_intervals_sort(spsi_interval *list, size_t count, spsi_interval *scratch) {
-    const size_t half = count / 2;
-    if (count <= SPSI_SORT_SHORT) {
-        spsi_intervals_insert(list, count);
-        return;
-    }
-    spsi_intervals_sort(list, half, scratch);
-    spsi_intervals_sort(list + half, count - half, scratch);
-    spsi_intervals_merge(list, half, count, scratch);
+/* Shell sort in place: lists are short or nearly in order. */
+static void spsi_intervals_sort(spsi_interval *list, size_t count) {
+    for (size_t gap = (count + 1) / 2; gap > 0; gap = gap == 2 ? 1 : gap * 4 / 9)
+        for (size_t i = gap; i < count; ++i) {
+            const spsi_interval taken = list[i];
+            size_t k = i;
+            for (; k >= gap && spsi_interval_less(&taken, &list[k - gap]); k -= gap) list[k] = list[k - gap];
+            list[k] = taken;
+        }
 }
 
 static inline spsi_v spsi_intervals_before(const spsi_intervals *intervals, spsi_v u) {
@@ -2973,7 +2950,7 @@ static int spsi_intervals_extent(const spsi_intervals *intervals, float *first, 
 
 /* Maximum numbers of nodes and of intervals. Soft intervals take SPSI_SOFT_MOST pieces. */
 #define SPSI_CURVE_NODES(count, pieces) (2 * ((pieces) + 1) * (count))
-#define SPSI_CURVE_SCRATCH(count)       (3 * (count))
+#define SPSI_CURVE_SCRATCH(count)       (2 * (count))
 
 typedef struct spsi_curve {
     const spsi_interval *sorted;
@@ -3046,7 +3023,7 @@ static int spsi_curve_build(const spsi_interval *sorted, int count, double error
         const spsi_interval end = {spsi_fmin(spsi_fmax(u, 0), 1), 0, 0, 0};
         if (sorted[i / 2].depth > 0) scratch[ends++] = end;
     }
-    spsi_intervals_sort(scratch, ends, scratch + ends);
+    spsi_intervals_sort(scratch, ends);
     for (size_t k = 0; k < ends; ++k) {
         const float u = scratch[k].u0;
         if (k == 0) spsi_curve_append(&curve, u, 0);
@@ -8417,20 +8394,10 @@ SPSI_COLD sps_result spsi_gather_images(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* True if any lane may hit the image, which fades out within 2 `size` texels. */
-static int spsi_image_meets(const spsi_image *image, spsi_v x, spsi_v y, spsi_v size) {
-    const spsi_v margin = spsi_add(spsi_max(size, spsi_set(1)), size), before = spsi_sub(spsi_set(0), margin);
-    const spsi_v after_x = spsi_add(margin, spsi_set((float)image->width[0]));
-    const spsi_v after_y = spsi_add(margin, spsi_set((float)image->height[0]));
-    return spsi_bits(spsi_and(spsi_and(spsi_less(before, x), spsi_less(x, after_x)),
-                              spsi_and(spsi_less(before, y), spsi_less(y, after_y)))) != 0;
-}
-
 /* Color at texel (x, y) of level 0, for pixels of `size` texels. */
 static void spsi_image_lookup(const spsi_image *image, spsi_v x, spsi_v y, spsi_v size, spsi_v rgb[3]) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f);
     rgb[0] = rgb[1] = rgb[2] = zero;
-    if (!spsi_image_meets(image, x, y, size)) return;
     for (int level = 0; level < image->level_count; ++level) {
         const int width = image->width[level], height = image->height[level];
         const float scale_x = (float)(width - 2) / (float)(image->width[0] - 2);
@@ -8759,10 +8726,9 @@ static inline spsi_v spsi_depth_map_fraction(const spsi_depth_map *map, int face
     return spsi_select(way.inside, spsi_map_segment_mean(&way, share), spsi_set(1));
 }
 
-/* Mask of lanes that a face may shade. One cell lookup spares most slabs four texels' planes. Undecided in *wide: ends
-   far from the middle's cell, or on both sides of the light. */
-static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2],
-                                          int *wide) {
+/* True if a face may shade any segment. One cell lookup spares most slabs four texels' planes. Undecided: segments with
+   ends far from the middle's cell, as of thick slabs, or on both sides of the light. */
+static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2]) {
     const spsi_rays *rays = &map->rays[face];
     const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), near_t = spsi_set(FLT_MIN * 16);
@@ -8771,31 +8737,16 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, s
     /* lanes that miss the face; lanes on both sides of the light */
     int clear = spsi_bits(spsi_less(spsi_max(t[0], t[1]), near_t));
     const int crossing = spsi_bits(spsi_less(spsi_min(t[0], t[1]), near_t));
-    *wide = crossing;
+    int wide = crossing;
     for (int i = 0; i < 2; ++i) {
         const spsi_v low = spsi_min(q[0][i], q[1][i]), high = spsi_max(q[0][i], q[1][i]);
         clear |= (spsi_bits(spsi_less(high, zero)) | spsi_bits(spsi_less(spsi_set(size[i]), low))) & ~crossing;
-        *wide |= spsi_bits(spsi_less(spsi_set(2 * SPSI_DEPTH_MAP_CELL - 4), spsi_sub(high, low)));
+        wide |= spsi_bits(spsi_less(spsi_set(2 * SPSI_DEPTH_MAP_CELL - 4), spsi_sub(high, low)));
         cell[i] = spsi_clamp(spsi_mul(half, spsi_add(low, high)), zero, spsi_set(size[i]));
         cell[i] = spsi_floor(spsi_mul(cell[i], spsi_set(1.0f / SPSI_DEPTH_MAP_CELL)));
     }
-    *wide &= ~clear;
-    return ~clear & spsi_bits(spsi_less(spsi_lookup(map->nearest[face], map->cells[face], cell[0], cell[1]),
-                                        spsi_max(q[0][2], q[1][2])));
-}
-
-/* True if any segment may be shaded. Wide ones, from thick slabs, are split. */
-static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2]) {
-    const int parts = 4;
-    const spsi_v step = spsi_mul(spsi_sub(d[1], d[0]), spsi_set(1 / (float)parts));
-    int wide, shadable = spsi_depth_map_shadable(map, face, at, y, d, &wide);
-    if (!wide) return shadable != 0;
-    for (int part = 0; part < parts; ++part) {
-        const spsi_v from = spsi_fma(step, spsi_set((float)part), d[0]), way[2] = {from, spsi_add(from, step)};
-        shadable = spsi_depth_map_shadable(map, face, at, y, way, &wide);
-        if (shadable | wide) return 1;
-    }
-    return 0;
+    const spsi_v nearest = spsi_lookup(map->nearest[face], map->cells[face], cell[0], cell[1]);
+    return (~clear & (wide | spsi_bits(spsi_less(nearest, spsi_max(q[0][2], q[1][2]))))) != 0;
 }
 
 /* --- translucent polygons --- */
@@ -13926,43 +13877,35 @@ static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, c
 }
 
 /* Inserts chords: singly if they contain the light or need parts, the rest together. */
-static void spsi_insert_cut_chords(const spsi_map_tile *into, int soft, int x, int y, const spsi_chord *chord,
-                                   spsi_intervals *intervals) {
-    const int parts = into->filling->map->technique->points;
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), high = parts ? one : spsi_set((float)SPSI_INTERVAL_REACH);
-    const spsi_v low = parts ? zero : spsi_set((float)spsi_dmax(into->filling->light_u, -SPSI_INTERVAL_REACH));
-    const int outside = spsi_bits(spsi_less(intervals->u0, low)) | spsi_bits(spsi_less(high, intervals->u1));
-    const int bits = outside & spsi_bits(spsi_less(zero, intervals->depth));
-    float lanes[3][SPSI_LANES];
-    spsi_store(lanes[0], chord->middle);
-    spsi_store(lanes[1], chord->half);
-    spsi_store(lanes[2], intervals->depth);
-    for (int i = 0; i < SPSI_LANES; ++i) {
-        const float in_t[3] = {lanes[0][i], lanes[1][i], lanes[2][i]};
-        if (bits >> i & 1) spsi_insert_cut(into, soft, x + i, y, in_t);
-        if (bits >> i & 1) lanes[2][i] = 0;
-    }
-    intervals->depth = spsi_load(lanes[2]);
-    intervals->u0 = spsi_clamp(intervals->u0, low, one); /* none begins behind 1, where lists end */
-    intervals->u1 = spsi_clamp(intervals->u1, zero, high);
-    spsi_insert(into, x, y, intervals);
-}
-
 static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sphere, int x, int y, int last) {
     const spsi_filling *filling = into->filling;
+    const int parts = filling->map->technique->points;
     const spsi_v per_t = spsi_set((float)filling->map->grid.per_depth), zero = spsi_set(0), one = spsi_set(1);
+    const spsi_v high = parts ? one : spsi_set((float)SPSI_INTERVAL_REACH);
+    const spsi_v low = parts ? zero : spsi_set((float)spsi_dmax(filling->light_u, -SPSI_INTERVAL_REACH));
     const spsi_m here = spsi_less(spsi_iota(), spsi_set((float)(last - x) + 0.5f));
+    float lanes[3][SPSI_LANES];
     spsi_chord chord;
     spsi_sphere_chord(&filling->map->grid.rays[filling->band.face], sphere, x, y, &chord);
     spsi_intervals intervals = {spsi_mul(spsi_sub(chord.middle, chord.half), per_t),
                                 spsi_mul(spsi_add(chord.middle, chord.half), per_t),
                                 spsi_select(here, spsi_chord_depth(sphere, &chord), zero), (float)sphere->soft};
     const int bits = spsi_bits(spsi_less(zero, intervals.depth));
+    const int cut = bits & (spsi_bits(spsi_less(intervals.u0, low)) | spsi_bits(spsi_less(high, intervals.u1)));
     if (!bits) return;
-    if (bits & (spsi_bits(spsi_less(intervals.u0, zero)) | spsi_bits(spsi_less(one, intervals.u1))))
-        spsi_insert_cut_chords(into, sphere->soft, x, y, &chord, &intervals);
-    else
-        spsi_insert(into, x, y, &intervals);
+    spsi_store(lanes[0], chord.middle);
+    spsi_store(lanes[1], chord.half);
+    spsi_store(lanes[2], intervals.depth);
+    for (int i = 0; i < SPSI_LANES && cut; ++i) {
+        const float in_t[3] = {lanes[0][i], lanes[1][i], lanes[2][i]};
+        if (!(cut >> i & 1)) continue;
+        spsi_insert_cut(into, sphere->soft, x + i, y, in_t);
+        lanes[2][i] = 0;
+    }
+    intervals.depth = spsi_load(lanes[2]);
+    intervals.u0 = spsi_clamp(intervals.u0, low, one); /* none begins behind 1, where lists end */
+    intervals.u1 = spsi_clamp(intervals.u1, zero, high);
+    spsi_insert(into, x, y, &intervals);
 }
 
 static void spsi_insert_sphere(const spsi_map_tile *into, const spsi_sphere *sphere) {
@@ -14203,7 +14146,7 @@ static size_t spsi_fitting_lay_out(const spsi_filling *filling, float *memory, s
     const uint64_t most = filling->band.most, pieces = (uint64_t)filling->pieces;
     const uint64_t curve = sorts_only ? 0 : SPSI_CURVE_NODES(most, pieces);
     const uint64_t nodes = (uint64_t)spsi_compressed_most((int)curve, filling->epsilon);
-    const uint64_t intervals = sorts_only ? most / 2 : SPSI_CURVE_SCRATCH(most);
+    const uint64_t intervals = sorts_only ? 0 : SPSI_CURVE_SCRATCH(most);
     const size_t node = sizeof(spsi_node) / sizeof(float);
     size_t laid = 0;
     fitting->filling = filling;
@@ -14231,7 +14174,7 @@ static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     const size_t in_band = texel - filling->band.first_texel;
     const uint32_t count = filling->band.starts[in_band + 1] - filling->band.starts[in_band];
     spsi_interval *list = filling->band.intervals + filling->band.starts[in_band];
-    spsi_intervals_sort(list, count, fitting->intervals);
+    spsi_intervals_sort(list, count);
     filling->band.cursors[in_band] = count;
     if (filling->map->settings.technique == SPS_TMAP_COMPRESSED) {
         const uint32_t nodes = spsi_fit_compressed(fitting, list, count);

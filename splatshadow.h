@@ -2825,7 +2825,7 @@ static int spsi_transfer_shows(const spsi_material *material, float high) {
    Lists need a ray's whole curve.
        straight lines of T within epsilon     [Lokovic & Veach 2000], thinned by least area [Salvi et al. 2010].
 
-   Insertion costs the planes crossed, or all components. T is transmittance, exp(-optical depth). */
+   Insertion costs the planes crossed, or all components; lists n log n. T is transmittance, exp(-optical depth). */
 
 #define SPSI_TMAP_COMPONENTS 65     /* per texel */
 #define SPSI_SOFT_MOST       256    /* pieces between two ends of intervals, where one is soft */
@@ -2904,15 +2904,38 @@ static inline int spsi_interval_less(const spsi_interval *a, const spsi_interval
     return a->soft < b->soft;
 }
 
-/* Shell sort in place: lists are short or nearly in order. */
-static void spsi_intervals_sort(spsi_interval *list, size_t count) {
-    for (size_t gap = (count + 1) / 2; gap > 0; gap = gap == 2 ? 1 : gap * 4 / 9)
-        for (size_t i = gap; i < count; ++i) {
-            const spsi_interval taken = list[i];
-            size_t k = i;
-            for (; k >= gap && spsi_interval_less(&taken, &list[k - gap]); k -= gap) list[k] = list[k - gap];
-            list[k] = taken;
-        }
+/* Merges two sorted parts. The ordered start stays in place, so nearly sorted lists are cheap. */
+static void spsi_intervals_merge(spsi_interval *list, size_t half, size_t count, spsi_interval *scratch) {
+    size_t to = half, left = 0, right = half, moved;
+    while (to > 0 && spsi_interval_less(&list[half], &list[to - 1])) --to;
+    moved = half - to;
+    memcpy(scratch, list + to, moved * sizeof *list);
+    while (left < moved && right < count)
+        list[to++] = spsi_interval_less(&list[right], &scratch[left]) ? list[right++] : scratch[left++];
+    memcpy(list + to, scratch + left, (moved - left) * sizeof *list);
+}
+
+static void spsi_intervals_insert(spsi_interval *list, size_t count) {
+    for (size_t i = 1; i < count; ++i) {
+        const spsi_interval taken = list[i];
+        size_t k = i;
+        for (; k > 0 && spsi_interval_less(&taken, &list[k - 1]); --k) list[k] = list[k - 1];
+        list[k] = taken;
+    }
+}
+
+#define SPSI_SORT_SHORT 16 /* insertion sort is faster up to here */
+
+/* Merge sort by u0, scratch for half: n log n, or n if nearly in order. */
+static void spsi_intervals_sort(spsi_interval *list, size_t count, spsi_interval *scratch) {
+    const size_t half = count / 2;
+    if (count <= SPSI_SORT_SHORT) {
+        spsi_intervals_insert(list, count);
+        return;
+    }
+    spsi_intervals_sort(list, half, scratch);
+    spsi_intervals_sort(list + half, count - half, scratch);
+    spsi_intervals_merge(list, half, count, scratch);
 }
 
 static inline spsi_v spsi_intervals_before(const spsi_intervals *intervals, spsi_v u) {
@@ -2950,13 +2973,29 @@ static int spsi_intervals_extent(const spsi_intervals *intervals, float *first, 
 
 /* Maximum numbers of nodes and of intervals. Soft intervals take SPSI_SOFT_MOST pieces. */
 #define SPSI_CURVE_NODES(count, pieces) (2 * ((pieces) + 1) * (count))
-#define SPSI_CURVE_SCRATCH(count)       (2 * (count))
+#define SPSI_CURVE_SCRATCH(count)       (3 * (count))
+
+/* Compensated sum for slopes of different size. [Neumaier 1974] */
+typedef struct spsi_sum {
+    double high, low;
+} spsi_sum;
+
+static inline void spsi_sum_add(spsi_sum *sum, double x) {
+    const double high = sum->high + x;
+    sum->low += fabs(sum->high) >= fabs(x) ? sum->high - high + x : x - high + sum->high;
+    sum->high = high;
+}
 
 typedef struct spsi_curve {
     const spsi_interval *sorted;
-    int count, first; /* intervals before the first lie wholly in front */
+    int count, first; /* soft intervals before the first lie wholly in front */
+    int has_soft;
     double before;    /* their optical depth */
     double error;     /* of T, per piece */
+    float u;          /* last end */
+    double depth;     /* of uniform intervals, there */
+    spsi_sum slope;   /* likewise */
+    int open;         /* uniform intervals that go on */
     spsi_node *nodes;
     int node_count;
 } spsi_curve;
@@ -2972,14 +3011,16 @@ static void spsi_curve_append(spsi_curve *curve, float u, double depth) {
     nodes[curve->node_count++] = node;
 }
 
-/* Optical depth before u, with or without jumps at u; all that lies behind 1 jumps there. */
+/* Optical depth before u. Soft intervals: with or without jumps at u; all that lies behind 1 jumps there. */
 static double spsi_curve_depth(const spsi_curve *curve, float u, int jumps) {
     const int all = jumps && u >= 1;
-    double sum = curve->before;
-    for (int i = curve->first; i < curve->count; ++i) {
+    const double slope = spsi_dmax(curve->slope.high + curve->slope.low, 0);
+    double sum = curve->before + curve->depth + slope * ((double)u - (double)curve->u);
+    for (int i = curve->first; i < curve->count && curve->has_soft; ++i) {
         const spsi_interval *interval = &curve->sorted[i];
         if (!all && (jumps ? interval->u0 > u : !(interval->u0 < u))) break;
-        sum += (double)interval->depth * (all ? 1 : (double)spsi_interval_fraction(interval, u));
+        if (interval->soft > 0)
+            sum += (double)interval->depth * (all ? 1 : (double)spsi_interval_fraction(interval, u));
     }
     return sum;
 }
@@ -2995,11 +3036,12 @@ static int spsi_curve_is_straight(const spsi_curve *curve, float u, double step,
 }
 
 /* Continues a curve to the next end. Soft intervals are cut into pieces, as long as the error of T allows. */
-static void spsi_curve_advance(spsi_curve *curve, float u, double depth, float end) {
-    double step = (double)end - (double)u;
+static void spsi_curve_advance(spsi_curve *curve, float end) {
+    float u = curve->u;
+    double depth = (double)curve->nodes[curve->node_count - 1].value, step = (double)end - (double)u;
     const double least = 1e-6 * step;
     int left = 1;
-    for (int i = curve->first; i < curve->count && curve->sorted[i].u0 < end && left == 1; ++i)
+    for (int i = curve->first; i < curve->count && curve->has_soft && curve->sorted[i].u0 < end && left == 1; ++i)
         if (curve->sorted[i].soft > 0 && curve->sorted[i].u1 > u) left = SPSI_SOFT_MOST;
     for (; left > 0 && u < end; --left) {
         const double rest = (double)end - (double)u;
@@ -3009,30 +3051,50 @@ static void spsi_curve_advance(spsi_curve *curve, float u, double depth, float e
         depth = spsi_curve_depth(curve, u, 0);
         spsi_curve_append(curve, u, depth);
     }
+    curve->depth += spsi_dmax(curve->slope.high + curve->slope.low, 0) * ((double)end - (double)curve->u);
+    curve->u = end;
+}
+
+/* Both ends of an interval, within 0..1: u0; length u1 over which `depth` rises behind it (-u1: ends to rise, 0: none);
+   `soft` is a jump. */
+static void spsi_curve_ends(const spsi_interval *interval, spsi_interval ends[2]) {
+    const float depth = spsi_fmin(interval->depth, SPSI_DEPTH_MAX), length = interval->u1 - interval->u0;
+    const float first = spsi_fmax(spsi_fmin(interval->u0, 1), 0), last = spsi_fmax(spsi_fmin(interval->u1, 1), 0);
+    const int rises = last > first, is_soft = interval->soft > 0;
+    const float before = rises && !is_soft && interval->u0 < 0 ? spsi_interval_fraction(interval, first) : 0;
+    const float until = rises && !is_soft ? spsi_interval_fraction(interval, last) : 0;
+    const spsi_interval start = {first, rises && !is_soft ? length : 0, depth, depth * before};
+    const spsi_interval end = {last, -start.u1, depth, is_soft ? 0 : depth * (1 - until)};
+    ends[0] = start, ends[1] = end;
 }
 
 /* Curve of intervals sorted by u0: exact at their ends, and T elsewhere within `error`, but for round-off. Returns the
    number of nodes; the first has depth 0. */
-static int spsi_curve_build(const spsi_interval *sorted, int count, double error, spsi_interval *scratch,
+static int spsi_curve_build(const spsi_interval *sorted, int count, double error, spsi_interval *ends,
                             spsi_node *nodes) {
-    spsi_curve curve = {sorted, count, 0, 0, error, nodes, 0};
-    size_t ends = 0;
-    double depth = 0;
-    for (int i = 0; i < 2 * count; ++i) {
-        const float u = i % 2 ? sorted[i / 2].u1 : sorted[i / 2].u0;
-        const spsi_interval end = {spsi_fmin(spsi_fmax(u, 0), 1), 0, 0, 0};
-        if (sorted[i / 2].depth > 0) scratch[ends++] = end;
+    spsi_curve curve = {sorted, count, 0, 0, 0, error, 0, 0, {0, 0}, 0, nodes, 0};
+    size_t end_count = 0;
+    for (int i = 0; i < count; ++i) {
+        if (!(sorted[i].depth > 0)) continue;
+        spsi_curve_ends(&sorted[i], ends + end_count);
+        end_count += 2;
+        curve.has_soft |= sorted[i].soft > 0;
     }
-    spsi_intervals_sort(scratch, ends);
-    for (size_t k = 0; k < ends; ++k) {
-        const float u = scratch[k].u0;
-        if (k == 0) spsi_curve_append(&curve, u, 0);
-        if (k > 0 && !(u > scratch[k - 1].u0)) continue;
-        if (k > 0) spsi_curve_advance(&curve, scratch[k - 1].u0, depth, u);
-        depth = spsi_curve_depth(&curve, u, 1);
-        spsi_curve_append(&curve, u, depth);
-        for (; curve.first < count && sorted[curve.first].u1 <= u; ++curve.first)
-            curve.before += (double)sorted[curve.first].depth;
+    spsi_intervals_sort(ends, end_count, ends + end_count);
+    for (size_t k = 0; k < end_count; ++k) {
+        const spsi_interval *end = &ends[k];
+        if (k == 0) spsi_curve_append(&curve, curve.u = end->u0, 0);
+        if (end->u0 > curve.u) spsi_curve_advance(&curve, end->u0);
+        curve.depth += (double)end->soft;
+        if (end->u1 > 0 || end->u1 < 0) {
+            spsi_sum_add(&curve.slope, (double)end->depth / (double)end->u1);
+            curve.open += end->u1 > 0 ? 1 : -1;
+            if (curve.open == 0) curve.slope.high = curve.slope.low = 0;
+        }
+        if (k + 1 < end_count && !(ends[k + 1].u0 > curve.u)) continue;
+        spsi_curve_append(&curve, curve.u, spsi_curve_depth(&curve, curve.u, 1));
+        for (; curve.first < count && curve.has_soft && sorted[curve.first].u1 <= curve.u; ++curve.first)
+            curve.before += sorted[curve.first].soft > 0 ? (double)sorted[curve.first].depth : 0;
     }
     return curve.node_count;
 }
@@ -14146,7 +14208,7 @@ static size_t spsi_fitting_lay_out(const spsi_filling *filling, float *memory, s
     const uint64_t most = filling->band.most, pieces = (uint64_t)filling->pieces;
     const uint64_t curve = sorts_only ? 0 : SPSI_CURVE_NODES(most, pieces);
     const uint64_t nodes = (uint64_t)spsi_compressed_most((int)curve, filling->epsilon);
-    const uint64_t intervals = sorts_only ? 0 : SPSI_CURVE_SCRATCH(most);
+    const uint64_t intervals = sorts_only ? most / 2 : SPSI_CURVE_SCRATCH(most);
     const size_t node = sizeof(spsi_node) / sizeof(float);
     size_t laid = 0;
     fitting->filling = filling;
@@ -14174,7 +14236,7 @@ static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     const size_t in_band = texel - filling->band.first_texel;
     const uint32_t count = filling->band.starts[in_band + 1] - filling->band.starts[in_band];
     spsi_interval *list = filling->band.intervals + filling->band.starts[in_band];
-    spsi_intervals_sort(list, count);
+    spsi_intervals_sort(list, count, fitting->intervals);
     filling->band.cursors[in_band] = count;
     if (filling->map->settings.technique == SPS_TMAP_COMPRESSED) {
         const uint32_t nodes = spsi_fit_compressed(fitting, list, count);

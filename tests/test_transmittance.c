@@ -117,7 +117,7 @@ static spsi_interval scratch[SPSI_CURVE_SCRATCH(MOST) + 1], sorted[MOST];
 static int curve_build_of(const column *c, double error) {
     int count, pieces = 1;
     memcpy(sorted, c->list, (size_t)c->count * sizeof *sorted);
-    spsi_intervals_sort(sorted, (size_t)c->count);
+    spsi_intervals_sort(sorted, (size_t)c->count, scratch);
     for (int i = 0; i < c->count; ++i)
         if (c->list[i].soft > 0) pieces = SPSI_SOFT_MOST;
     memset(&scratch[SPSI_CURVE_SCRATCH(c->count)], 0x5a, sizeof *scratch);
@@ -247,7 +247,7 @@ static void test_before(void) {
 }
 
 static void test_sort(void) {
-    static spsi_interval list[5000], other[5000];
+    static spsi_interval list[5000], other[5000], room[2501];
     for (int n = 0; n < 30; ++n) {
         const uint32_t count = n < 6 ? (uint32_t)n : (uint32_t)between(2, 5000);
         double sum = 0, sum_sorted = 0;
@@ -259,8 +259,10 @@ static void test_sort(void) {
             other[count - 1 - i] = s;
             sum += floor((double)s.depth * 1024);
         }
-        spsi_intervals_sort(list, count);
-        spsi_intervals_sort(other, count);
+        memset(&room[count / 2], 0x5a, sizeof *room);
+        spsi_intervals_sort(list, count, room);
+        spsi_intervals_sort(other, count, room);
+        CHECK(((unsigned char *)&room[count / 2])[3] == 0x5a);
         for (uint32_t i = 0; i < count; ++i) {
             good &= i == 0 || list[i - 1].u0 <= list[i].u0;
             sum_sorted += floor((double)list[i].depth * 1024);
@@ -1054,7 +1056,7 @@ static void test_extremes(void) {
                 check_compressed(&c, 0.01f);
                 column_add(&c, 0.2, 0.7, depths[(d + 3) % 7], !soft);
                 column_add(&c, ends[(e + 1) % 7][0], ends[(e + 1) % 7][1], depths[(d + 1) % 7], 0);
-                spsi_intervals_sort(c.list, 3);
+                spsi_intervals_sort(c.list, 3, scratch);
                 check_all_techniques(&c, what);
                 check_compressed(&c, 0.01f);
                 CHECK((double)list_depth(c.list, 3, 1) <= 1e15 * (1 + half_ulp));

@@ -3613,16 +3613,24 @@ SPSI_COLD void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bo
     bounds[1] = (before + here) / whole;
 }
 
+/* Bounds of the fraction before u, from moments biased at least by the one of `biases` for their number. Returns the
+   bias. */
+SPSI_COLD double spsi_moment_bounds(const sps_tmap_settings *settings, const float *texel, float u,
+                                    const double biases[2], double bounds[2]) {
+    spsi_hankel hankel;
+    const double share = spsi_hankel_build(&hankel, texel, settings->components, biases[(settings->components - 5) / 2]);
+    spsi_hankel_bounds(&hankel, 2 * (double)u - 1, bounds);
+    return share;
+}
+
 /* Biases of [Muenstermann et al. 2018] for floats. Cost: factorising 3 or 4 rows, roots of degree 2 or 3. Exact at u =
    1. */
 SPSI_COLD float spsi_moment_optical_depth(const sps_tmap_settings *settings, const float *texel, float u) {
     static const double biases[2] = {5e-7, 5e-6};
-    spsi_hankel hankel;
     double bounds[2];
     if (!(texel[0] > 0)) return 0;
     if (u >= 1) return texel[0];
-    spsi_hankel_build(&hankel, texel, settings->components, biases[(settings->components - 5) / 2]);
-    spsi_hankel_bounds(&hankel, 2 * (double)u - 1, bounds);
+    spsi_moment_bounds(settings, texel, u, biases, bounds);
     return (float)(0.5 * (bounds[0] + bounds[1]) * (double)texel[0]);
 }
 
@@ -3631,12 +3639,10 @@ SPSI_COLD float spsi_moment_optical_depth(const sps_tmap_settings *settings, con
 static void spsi_moment_bracket(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]) {
     static const double biases[2] = {3e-5, 6e-4};
     const double whole = (double)texel[0], answer = (double)spsi_moment_optical_depth(settings, texel, u);
-    spsi_hankel hankel;
-    double bounds[2], share;
+    double bounds[2];
     bracket[0] = bracket[1] = (float)answer;
     if (!(whole > 0) || u >= 1) return;
-    share = spsi_hankel_build(&hankel, texel, settings->components, biases[(settings->components - 5) / 2]);
-    spsi_hankel_bounds(&hankel, 2 * (double)u - 1, bounds);
+    const double share = spsi_moment_bounds(settings, texel, u, biases, bounds);
     bracket[0] = (float)(share < 1 ? spsi_dmin(spsi_dmax((bounds[0] - share) / (1 - share), 0) * whole, answer) : 0);
     bracket[1] = (float)(share < 1 ? spsi_dmax(spsi_dmin(bounds[1] / (1 - share), 1) * whole, answer) : whole);
 }
@@ -14028,12 +14034,22 @@ static void spsi_insert_triangles(const spsi_map_tile *into) {
     }
 }
 
+static void spsi_map_tile_clear(const spsi_map_tile *into) {
+    const spsi_filling *filling = into->filling;
+    const size_t floats = (size_t)filling->map->inner.components * into->stride;
+    if (spsi_finds_ranges(filling))
+        for (size_t i = 0; i < into->stride; ++i) into->ranges[i] = 1, into->ranges[into->stride + i] = 0;
+    if (filling->visit == SPSI_VISIT_SUMS) memset(into->sums, 0, floats * sizeof(float));
+}
+
+/* Clears a tile, and inserts particles and triangles. */
 static void spsi_fill_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
     const spsi_occluders *occluders = filling->occluders;
     const int tile = filling->band.row * filling->band.tiles_x + index;
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
+    spsi_map_tile_clear(&into);
     for (uint32_t i = 0; i < spsi_tile_sphere_count(occluders, tile); ++i) {
         spsi_insert_sphere(&into, &occluders->spheres[spsi_tile_sphere(occluders, tile, i)]);
         if (i % SPSI_BATCH == SPSI_BATCH - 1) spsi_task_tick(filling->context);
@@ -14095,17 +14111,6 @@ SPSI_COLD sps_result spsi_fill_volumes(spsi_filling *filling) {
 
 /* --- a band of sums --- */
 
-static void spsi_clear_task(void *data, int index) {
-    const spsi_filling *filling = (const spsi_filling *)data;
-    const sps_tmap *map = filling->map;
-    spsi_map_tile into;
-    spsi_map_tile_place(filling, index, &into);
-    if (spsi_finds_ranges(filling))
-        for (size_t i = 0; i < into.stride; ++i) into.ranges[i] = 1, into.ranges[into.stride + i] = 0;
-    if (filling->visit != SPSI_VISIT_SUMS) return;
-    memset(into.sums, 0, (size_t)map->inner.components * into.stride * sizeof(float));
-}
-
 /* Packs a texel's planes. `y` counts rows of all faces; sums[k * stride] is the depth from plane k - 1 to plane k. */
 static void spsi_shadow_table_store(const spsi_shadow_table *table, int x, int y, const float *sums, size_t stride) {
     const int planes = table->planes, side = SPSI_SHADOW_TABLE_SIDE;
@@ -14151,10 +14156,8 @@ static void spsi_store_task(void *data, int index) {
 SPSI_COLD sps_result spsi_fill_band(spsi_filling *filling, spsi_visit visit) {
     filling->visit = visit;
     if (spsi_progress(filling->context, filling->progress)) return filling->context->result;
-    spsi_parallel_items(filling->context, filling->band.tiles_x, spsi_clear_task, filling);
-    if (spsi_fill_volumes(filling)) return filling->context->result;
     spsi_parallel_items(filling->context, filling->band.tiles_x, spsi_fill_task, filling);
-    return SPS_OK;
+    return spsi_fill_volumes(filling);
 }
 
 SPSI_COLD sps_result spsi_fill_sums(spsi_filling *filling) {
@@ -16965,30 +16968,26 @@ SPSI_COLD sps_result spsi_shadow_tables_build(sps_context *context, const spsi_f
     if (mapped == 0 || spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
     sweep->progress += part.share;
     sweep->share -= part.share;
-    spsi_shadow_table *tables =
-        (spsi_shadow_table *)spsi_reserve(context, SPSI_BUFFER_LIGHT_TMAPS, (size_t)mapped, sizeof *tables);
-    if (!tables) return context->result;
+    spsi_shadow_table *next =
+        (spsi_shadow_table *)spsi_reserve(context, SPSI_BUFFER_LIGHT_TMAPS, (size_t)mapped, sizeof *next);
+    if (!next) return context->result;
     part.share /= mapped;
     const uint64_t gas = spsi_has_shadow_tables(frame) ? spsi_gas_fingerprint(frame) : 0;
-    spsi_shadow_table *next = tables;
     for (int i = 0; i < count; ++i) {
-        if (!shadows[i].light->has_map) continue;
+        const spsi_light *light = shadows[i].light;
+        if (!light->has_map) continue;
         shadows[i].table = next;
         shadows[i].kind = SPSI_SHADOW_TABLE;
-        if (!spsi_shadow_table_of_cells(context, shadows[i].light, next) &&
-            spsi_shadow_table_begin(context, frame, shadows[i].light, gas, next))
+        if ((!spsi_shadow_table_of_cells(context, light, next) &&
+             spsi_shadow_table_begin(context, frame, light, gas, next)) ||
+            spsi_shadow_table_make(context, frame, light, &part, next))
             return context->result;
+        part.progress += part.share;
         ++next;
     }
     spsi_shadow_tables_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count); /* not taken by a light */
-    if (!spsi_reserve(context, SPSI_BUFFER_SHADOW_TABLES, (size_t)mapped, sizeof *tables)) return context->result;
-    next = tables;
-    for (int i = 0; i < count; ++i) {
-        if (!shadows[i].table) continue;
-        if (spsi_shadow_table_make(context, frame, shadows[i].light, &part, next++)) return context->result;
-        part.progress += part.share;
-    }
-    return SPS_OK;
+    spsi_reserve(context, SPSI_BUFFER_SHADOW_TABLES, (size_t)mapped, sizeof *next);
+    return context->result;
 }
 
 SPSI_COLD void spsi_shadow_tables_release(sps_context *context, const spsi_shadow *shadows, int count) {

@@ -14468,6 +14468,43 @@ static uint64_t spsi_set_fingerprint(uint64_t hash, const spsi_particle_set *set
     return spsi_fingerprint(hash, &set->given.is_extinction, sizeof set->given.is_extinction);
 }
 
+/* Hash of a map's gas; 0 if it may change. */
+static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
+    uint64_t hash = spsi_volumes_fingerprint(frame);
+    for (int i = 0; i < frame->medium_count && hash; ++i)
+        hash = spsi_fingerprint_word(hash, spsi_medium_fingerprint(frame, i));
+    if (hash) hash = spsi_fingerprint(hash, frame->content->levels, sizeof frame->content->levels);
+    for (int i = 0; i < frame->particles.set_count && hash; ++i) {
+        hash = spsi_set_fingerprint(hash, &frame->particles.sets[i]);
+        hash = spsi_fingerprint(hash, &frame->content->set_ends[i], sizeof(int));
+    }
+    if (hash && frame->content->particle_count > 0)
+        hash = spsi_fingerprint(hash, frame->content->particles,
+                                (size_t)frame->content->particle_count * sizeof *frame->content->particles);
+    return hash;
+}
+
+/* Hash of rays and planes. */
+SPSI_COLD uint64_t spsi_shadow_table_aim_fingerprint(const spsi_shadow_table *table) {
+    const double range[] = {table->grid.near_depth, table->grid.far_depth, (double)table->end};
+    uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, range, sizeof range);
+    hash = spsi_fingerprint(hash, &table->planes, sizeof table->planes);
+    for (int face = 0; face < table->grid.face_count; ++face) {
+        const spsi_rays *rays = &table->grid.rays[face];
+        const int shape[] = {rays->width, rays->height, rays->perspective};
+        const double *const vectors[] = {rays->a, rays->b, rays->c, rays->origin};
+        hash = spsi_fingerprint(hash, shape, sizeof shape);
+        for (int i = 0; i < 4; ++i) hash = spsi_fingerprint(hash, vectors[i], 3 * sizeof(double));
+    }
+    return hash;
+}
+
+/* Hash of a table's input; 0 if the gas has none. */
+SPSI_COLD uint64_t spsi_shadow_table_key(const spsi_frame *frame, uint64_t aim, uint64_t gas) {
+    const double knobs[] = {frame->view.slab_thickness, frame->accuracy.cut, (double)frame->view.filling};
+    return gas ? spsi_fingerprint_word(spsi_fingerprint(gas, knobs, sizeof knobs), aim) | 1 : 0;
+}
+
 typedef struct spsi_fingerprint_job {
     const spsi_filling *filling;
     uint64_t start; /* the face's slabs and kernels */
@@ -14880,43 +14917,6 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
 }
 
 /* --- a light's shadow table --- */
-
-/* Hash of a map's gas; 0 if it may change. */
-static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
-    uint64_t hash = spsi_volumes_fingerprint(frame);
-    for (int i = 0; i < frame->medium_count && hash; ++i)
-        hash = spsi_fingerprint_word(hash, spsi_medium_fingerprint(frame, i));
-    if (hash) hash = spsi_fingerprint(hash, frame->content->levels, sizeof frame->content->levels);
-    for (int i = 0; i < frame->particles.set_count && hash; ++i) {
-        hash = spsi_set_fingerprint(hash, &frame->particles.sets[i]);
-        hash = spsi_fingerprint(hash, &frame->content->set_ends[i], sizeof(int));
-    }
-    if (hash && frame->content->particle_count > 0)
-        hash = spsi_fingerprint(hash, frame->content->particles,
-                                (size_t)frame->content->particle_count * sizeof *frame->content->particles);
-    return hash;
-}
-
-/* Hash of rays and planes. */
-SPSI_COLD uint64_t spsi_shadow_table_aim_fingerprint(const spsi_shadow_table *table) {
-    const double range[] = {table->grid.near_depth, table->grid.far_depth, (double)table->end};
-    uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, range, sizeof range);
-    hash = spsi_fingerprint(hash, &table->planes, sizeof table->planes);
-    for (int face = 0; face < table->grid.face_count; ++face) {
-        const spsi_rays *rays = &table->grid.rays[face];
-        const int shape[] = {rays->width, rays->height, rays->perspective};
-        const double *const vectors[] = {rays->a, rays->b, rays->c, rays->origin};
-        hash = spsi_fingerprint(hash, shape, sizeof shape);
-        for (int i = 0; i < 4; ++i) hash = spsi_fingerprint(hash, vectors[i], 3 * sizeof(double));
-    }
-    return hash;
-}
-
-/* Hash of a table's input; 0 if the gas has none. */
-SPSI_COLD uint64_t spsi_shadow_table_key(const spsi_frame *frame, uint64_t aim, uint64_t gas) {
-    const double knobs[] = {frame->view.slab_thickness, frame->accuracy.cut, (double)frame->view.filling};
-    return gas ? spsi_fingerprint_word(spsi_fingerprint(gas, knobs, sizeof knobs), aim) | 1 : 0;
-}
 
 /* Planes that make entries as long as wide in mid-depth, up to limits, or as many as the caller wants. */
 SPSI_COLD sps_result spsi_shadow_table_resolve(sps_context *context, const sps_tmap_settings *map,
@@ -16866,32 +16866,46 @@ SPSI_COLD sps_result spsi_depth_maps_build(sps_context *context, const spsi_fram
     return SPS_OK;
 }
 
-/* One map per point of a soft light, splitting the texels of one. */
-SPSI_COLD sps_result spsi_translucency_maps_lay_out(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows,
-                                                    int count, spsi_translucency_map *maps) {
+/* Aims the translucency maps of all lights: one per point of a soft light, splitting the texels of one. Returns the
+   floats of their texels, which `memory` (NULL: only counts) receives. */
+SPSI_COLD size_t spsi_translucency_maps_aim(const spsi_frame *frame, spsi_shadow *shadows, int count,
+                                            spsi_translucency_map *next, float *memory) {
     size_t floats = 0;
-    spsi_translucency_map *next = maps;
     for (int i = 0; i < count; ++i) {
         const spsi_light *light = shadows[i].light;
+        const int maps = shadows[i].soft ? light->point_count : 1;
+        const int size = spsi_imax(8, (int)(1 / sqrt((double)maps) * spsi_depth_map_size(frame)));
         shadows[i].translucency_maps = next;
-        shadows[i].translucency_map_count = shadows[i].soft ? light->point_count : 1;
-        for (int k = 0; k < shadows[i].translucency_map_count; ++k, ++next) {
-            const double share = 1 / sqrt((double)shadows[i].translucency_map_count);
+        shadows[i].translucency_map_count = maps;
+        for (int k = 0; k < maps; ++k, ++next) {
             memset(next, 0, sizeof *next);
-            spsi_depth_map_aim(frame, shadows[i].soft ? &light->points[k] : light,
-                               spsi_imax(8, (int)(share * spsi_depth_map_size(frame))), 0, &next->grid);
-            floats += spsi_depth_map_lay_out(&next->grid, next->first, NULL);
+            spsi_depth_map_aim(frame, shadows[i].soft ? &light->points[k] : light, size, 0, &next->grid);
+            floats += spsi_depth_map_lay_out(&next->grid, next->first, memory ? memory + floats : NULL);
         }
     }
-    float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_TRANSLUCENCY_TEXELS, floats, sizeof(float));
-    for (spsi_translucency_map *map = maps; memory && map < next; ++map)
-        memory += spsi_depth_map_lay_out(&map->grid, map->first, memory);
-    return context->result;
+    return floats;
 }
 
-SPSI_COLD sps_result spsi_translucency_maps_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                                 spsi_translucency_map *maps, size_t map_count) {
-    size_t sum = 0, most = 0;
+SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const spsi_frame *frame,
+                                                  const spsi_faces *faces, spsi_shadow *shadows, int count) {
+    size_t map_count = 0, sum = 0, most = 0, widest = 0;
+    if (!frame->meshes.translucent || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
+    if (count == 0) return SPS_OK;
+    for (int i = 0; i < count; ++i) map_count += (size_t)(shadows[i].soft ? shadows[i].light->point_count : 1);
+    spsi_translucency_map *maps =
+        (spsi_translucency_map *)spsi_reserve(context, SPSI_BUFFER_TRANSLUCENCY_MAPS, map_count, sizeof *maps);
+    if (!maps) return context->result;
+    const size_t floats = spsi_translucency_maps_aim(frame, shadows, count, maps, NULL);
+    float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_TRANSLUCENCY_TEXELS, floats, sizeof(float));
+    for (size_t i = 0; i < SPSI_CUBE_FACES * map_count; ++i) {
+        const spsi_depth_map *grid = &maps[i / SPSI_CUBE_FACES].grid;
+        const int face = (int)(i % SPSI_CUBE_FACES);
+        if (face < grid->face_count && (size_t)grid->rays[face].width > widest) widest = (size_t)grid->rays[face].width;
+    }
+    if (!memory || !spsi_reserve(context, SPSI_BUFFER_LAYER_SAMPLES, (size_t)spsi_worker_count(context),
+                                 widest * (sizeof(uint64_t) + sizeof(double))))
+        return context->result;
+    spsi_translucency_maps_aim(frame, shadows, count, maps, memory);
     for (size_t i = 0; i < map_count; ++i)
         for (int face = 0; face < maps[i].grid.face_count; ++face) {
             spsi_translucent_planes_raster(context, frame, faces, &maps[i], face, 0);
@@ -16903,32 +16917,11 @@ SPSI_COLD sps_result spsi_translucency_maps_fill(sps_context *context, const sps
     if (!translucent || !spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, most, sizeof(spsi_fragment)))
         return context->result;
     for (size_t i = 0; i < map_count; ++i) {
-        for (int face = 0; face < maps[i].grid.face_count; ++face) {
+        for (int face = 0; face < maps[i].grid.face_count; translucent += maps[i].counts[face++])
             maps[i].list[face] = translucent;
-            translucent += maps[i].counts[face];
-        }
         spsi_translucency_map_fill(context, frame, faces, &maps[i]);
     }
     return SPS_OK;
-}
-
-SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const spsi_frame *frame,
-                                                  const spsi_faces *faces, spsi_shadow *shadows, int count) {
-    size_t map_count = 0;
-    int widest = 0;
-    if (!frame->meshes.translucent || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
-    if (count == 0) return SPS_OK;
-    for (int i = 0; i < count; ++i) map_count += (size_t)(shadows[i].soft ? shadows[i].light->point_count : 1);
-    spsi_translucency_map *maps =
-        (spsi_translucency_map *)spsi_reserve(context, SPSI_BUFFER_TRANSLUCENCY_MAPS, map_count, sizeof *maps);
-    if (!maps || spsi_translucency_maps_lay_out(context, frame, shadows, count, maps)) return context->result;
-    for (size_t i = 0; i < map_count; ++i)
-        for (int face = 0; face < maps[i].grid.face_count; ++face)
-            widest = spsi_imax(widest, maps[i].grid.rays[face].width);
-    if (!spsi_reserve(context, SPSI_BUFFER_LAYER_SAMPLES, (size_t)spsi_worker_count(context),
-                      (size_t)widest * (sizeof(uint64_t) + sizeof(double))))
-        return context->result;
-    return spsi_translucency_maps_fill(context, frame, faces, maps, map_count);
 }
 
 /* Returns 0 if cells have made none. */

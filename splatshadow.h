@@ -566,7 +566,7 @@ typedef struct sps_light {
     int samples;
     int no_shadow; /* 1: casts no shadow, and has only single scattering in gas */
     /* NULL: see shadow_source. Otherwise shadows in gas come from a map with these settings (all zero: a table). Each
-       call evaluates maps of other techniques at a table's planes, two per texel's width. A map has no slicing limit, and six faces around a point light amid gas. near_depth, far_depth and surface_bias must be 0.
+       call evaluates maps of other techniques at a table's planes, three per two texels' widths. A map has no slicing limit, and six faces around a point light amid gas. near_depth, far_depth and surface_bias must be 0.
        An error for area lights. If all volumes have a revision, the next call reuses a table, or updates it where gas
        has changed; a failing call may release it. Few components blotch dense or surface-shaded volumes. Borrowed for
        the call. */
@@ -14928,7 +14928,7 @@ SPSI_COLD sps_result spsi_shadow_table_resolve(sps_context *context, const sps_t
     const double plane_bytes = blocks * SPSI_SHADOW_TABLE_TEXELS * sizeof(uint32_t);
     const double pitch = spsi_pixel_size_at(&grid->rays[0], 0.5 * (grid->near_depth + grid->far_depth));
     const double most = spsi_dmin(technique->usual, floor(SPSI_SHADOW_TABLE_BLOCKS_MOST / blocks));
-    const double per_pitch = map->technique == SPS_TMAP_TABLE ? 1 : 2; /* maps resolve more than tables' slabs */
+    const double per_pitch = map->technique == SPS_TMAP_TABLE ? 1 : 1.5; /* maps resolve more than tables' slabs */
     double planes = spsi_dmin(ceil(per_pitch * (grid->far_depth - grid->near_depth) / pitch), most);
     if (budget) planes = spsi_dmin(planes, floor(((double)budget - (double)sizeof *table) / plane_bytes));
     table->planes = (int)spsi_dmax(planes, technique->least);
@@ -15076,7 +15076,7 @@ SPSI_COLD size_t spsi_light_tmap_texels(const spsi_frame *frame, const spsi_ligh
     return *side * *side > six ? *side * *side : six;
 }
 
-/* Upper bound of a table's planes, which are a texel apart in mid-depth, or half of one. */
+/* Upper bound of a table's planes, which are a texel apart in mid-depth, or two thirds of one. */
 SPSI_COLD size_t spsi_light_table_planes(const spsi_frame *frame, const spsi_light *light) {
     const spsi_technique *technique = &spsi_techniques[SPS_TMAP_TABLE];
     const int is_table = spsi_has_shadow_table(light);
@@ -15084,7 +15084,7 @@ SPSI_COLD size_t spsi_light_table_planes(const spsi_frame *frame, const spsi_lig
     if (is_table && light->map.components > 0) return (size_t)light->map.components;
     if (frame->particles.set_count > 0) return (size_t)technique->usual;
     spsi_along(frame->content->bounds.high, frame->content->bounds.low, -1, across);
-    const double planes = ceil((is_table ? 2 : 4) * spsi_length(across) / spsi_light_texel(frame, light));
+    const double planes = ceil((is_table ? 2 : 3) * spsi_length(across) / spsi_light_texel(frame, light));
     return (size_t)spsi_dmin(planes + technique->least, technique->usual);
 }
 

@@ -566,10 +566,11 @@ typedef struct sps_light {
     int samples;
     int no_shadow; /* 1: casts no shadow, and has only single scattering in gas */
     /* NULL: see shadow_source. Otherwise shadows in gas come from a map with these settings (all zero: a table). Each
-       call evaluates maps of other techniques at a table's planes, three per two texels' widths. A map has no slicing limit, and six faces around a point light amid gas. near_depth, far_depth and surface_bias must be 0.
-       An error for area lights. If all volumes have a revision, the next call reuses a table, or updates it where gas
-       has changed; a failing call may release it. Few components blotch dense or surface-shaded volumes. Borrowed for
-       the call. */
+       call evaluates maps of other techniques at a table's planes, three per two texels' widths. A map has no slicing
+       limit, and six faces around a point light amid gas. near_depth, far_depth and surface_bias must be 0. An error
+       for area lights. If all volumes have a revision, the next call reuses a table, or updates it where gas has
+       changed; a failing call may release it. Few components blotch dense or surface-shaded volumes. Borrowed for the
+       call. */
     const sps_tmap_settings *shadow_map;
     /* Shadows in gas where shadow_map is NULL. With a shadow_map, SPS_SHADOW_SHEETS is an error, and SPS_SHADOW_TABLE
        requires a table. */
@@ -3011,7 +3012,7 @@ static void spsi_curve_append(spsi_curve *curve, float u, double depth) {
     nodes[curve->node_count++] = node;
 }
 
-/* Optical depth before u. Soft intervals: with or without jumps at u; all that lies behind 1 jumps there. */
+/* Optical depth before u. Soft intervals: with or without jumps at u; the rest jumps at 1. */
 static double spsi_curve_depth(const spsi_curve *curve, float u, int jumps) {
     const int all = jumps && u >= 1;
     const double slope = spsi_dmax(curve->slope.high + curve->slope.low, 0);
@@ -3025,8 +3026,8 @@ static double spsi_curve_depth(const spsi_curve *curve, float u, int jumps) {
     return sum;
 }
 
-/* Whether a chord from u on is close enough. Between ends, the curve is a cubic, and its distance t (1 - t) (a + b t)
-   from a chord follows from two points within. */
+/* True if a chord is close enough. Between ends, the curve is a cubic; its distance from a chord, t (1 - t) (a + b t),
+   follows from two points. */
 static int spsi_curve_is_straight(const spsi_curve *curve, float u, double step, double depth) {
     const double end = spsi_curve_depth(curve, (float)((double)u + step), 0);
     const double first = spsi_curve_depth(curve, (float)((double)u + step / 3), 0) - (2 * depth + end) / 3;
@@ -3035,7 +3036,7 @@ static int spsi_curve_is_straight(const spsi_curve *curve, float u, double step,
     return most * exp(-depth) <= curve->error;
 }
 
-/* Continues a curve to the next end. Soft intervals are cut into pieces, as long as the error of T allows. */
+/* Continues to the next end, in pieces as long as the error of T allows. */
 static void spsi_curve_advance(spsi_curve *curve, float end) {
     float u = curve->u;
     double depth = (double)curve->nodes[curve->node_count - 1].value, step = (double)end - (double)u;
@@ -3055,8 +3056,7 @@ static void spsi_curve_advance(spsi_curve *curve, float end) {
     curve->u = end;
 }
 
-/* Both ends of an interval, within 0..1: u0; length u1 over which `depth` rises behind it (-u1: ends to rise, 0: none);
-   `soft` is a jump. */
+/* Ends of an interval within 0..1: `depth` rises over length u1 behind u0 (negative: no more); `soft` is a jump. */
 static void spsi_curve_ends(const spsi_interval *interval, spsi_interval ends[2]) {
     const float depth = spsi_fmin(interval->depth, SPSI_DEPTH_MAX), length = interval->u1 - interval->u0;
     const float first = spsi_fmax(spsi_fmin(interval->u0, 1), 0), last = spsi_fmax(spsi_fmin(interval->u1, 1), 0);
@@ -3068,8 +3068,8 @@ static void spsi_curve_ends(const spsi_interval *interval, spsi_interval ends[2]
     ends[0] = start, ends[1] = end;
 }
 
-/* Curve of intervals sorted by u0: exact at their ends, and T elsewhere within `error`, but for round-off. Returns the
-   number of nodes; the first has depth 0. */
+/* Curve of sorted intervals, exact at their ends, T elsewhere within `error`. Returns the number of nodes; the first
+   has depth 0. */
 static int spsi_curve_build(const spsi_interval *sorted, int count, double error, spsi_interval *ends,
                             spsi_node *nodes) {
     spsi_curve curve = {sorted, count, 0, 0, 0, error, 0, 0, {0, 0}, 0, nodes, 0};
@@ -3613,12 +3613,12 @@ SPSI_COLD void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bo
     bounds[1] = (before + here) / whole;
 }
 
-/* Bounds of the fraction before u, from moments biased at least by the one of `biases` for their number. Returns the
-   bias. */
+/* Bounds of the fraction before u. Returns the bias, at least that of `biases`. */
 SPSI_COLD double spsi_moment_bounds(const sps_tmap_settings *settings, const float *texel, float u,
                                     const double biases[2], double bounds[2]) {
     spsi_hankel hankel;
-    const double share = spsi_hankel_build(&hankel, texel, settings->components, biases[(settings->components - 5) / 2]);
+    const double bias = biases[(settings->components - 5) / 2];
+    const double share = spsi_hankel_build(&hankel, texel, settings->components, bias);
     spsi_hankel_bounds(&hankel, 2 * (double)u - 1, bounds);
     return share;
 }
@@ -8794,8 +8794,8 @@ static inline spsi_v spsi_depth_map_fraction(const spsi_depth_map *map, int face
     return spsi_select(way.inside, spsi_map_segment_mean(&way, share), spsi_set(1));
 }
 
-/* True if a face may shade any segment. One cell lookup spares most slabs four texels' planes. Undecided: segments with
-   ends far from the middle's cell, as of thick slabs, or on both sides of the light. */
+/* True if a face may shade any segment. One cell lookup spares most slabs four texels' planes. Undecided: ends far from
+   the middle's cell, or on both sides of the light. */
 static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2]) {
     const spsi_rays *rays = &map->rays[face];
     const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
@@ -13707,8 +13707,10 @@ static spsi_v spsi_shadow_table_lookup(const spsi_shadow_table *table, const sps
     spsi_v sum = spsi_set(0);
     spsi_tmap_quads quads;
     spsi_quads_build(&table->grid, q, &quads);
-    for (int i = 0; i < 4; ++i)
-        sum = spsi_fma(quads.weight[i], spsi_shadow_table_at(table, quads.column[i & 1], quads.row[i >> 1], quads.u), sum);
+    for (int i = 0; i < 4; ++i) {
+        const spsi_v depth = spsi_shadow_table_at(table, quads.column[i & 1], quads.row[i >> 1], quads.u);
+        sum = spsi_fma(quads.weight[i], depth, sum);
+    }
     return spsi_min(sum, spsi_set(SPSI_DEPTH_MAX));
 }
 
@@ -14768,11 +14770,13 @@ SPSI_COLD sps_result spsi_tmap_take_planes(sps_tmap *map) {
 SPSI_COLD sps_result spsi_tmap_aim(sps_tmap *map) {
     map->grid.rays[0].width = map->view.width;
     map->grid.rays[0].height = map->view.height;
-    if (map->grid.face_count == 1 && spsi_rays_build(map->context, SPS_OBJECT_TMAP_LIGHT, &map->view.camera, &map->grid.rays[0]))
+    if (map->grid.face_count == 1 &&
+        spsi_rays_build(map->context, SPS_OBJECT_TMAP_LIGHT, &map->view.camera, &map->grid.rays[0]))
         return map->context->result;
     for (int face = 0; face < map->grid.face_count; ++face) {
         spsi_rays *rays = &map->grid.rays[face];
-        if (map->grid.face_count > 1 && !spsi_rays_of_cube_face(map->view.camera.position, face, map->view.width, 0, rays))
+        if (map->grid.face_count > 1 &&
+            !spsi_rays_of_cube_face(map->view.camera.position, face, map->view.width, 0, rays))
             return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_LIGHT, -1, "camera.position",
                                    map->view.camera.position[0], "texels cannot be told apart there");
         rays->near_depth = rays->perspective ? 0 : -HUGE_VAL;
@@ -15007,7 +15011,7 @@ static void spsi_evaluate_row_task(void *data, int row) {
     }
 }
 
-/* Fills a map of the light's own technique, and evaluates it, so that only tables need a lookup for shading. */
+/* Fills a map of the light's own technique and evaluates it: shading looks up tables alone. */
 SPSI_COLD sps_result spsi_shadow_table_evaluate(const spsi_light *light, spsi_occluders *occluders, sps_tmap *map,
                                                 const spsi_shadow_table *table) {
     spsi_evaluation job = {map, table};
@@ -16866,8 +16870,8 @@ SPSI_COLD sps_result spsi_depth_maps_build(sps_context *context, const spsi_fram
     return SPS_OK;
 }
 
-/* Aims the translucency maps of all lights: one per point of a soft light, splitting the texels of one. Returns the
-   floats of their texels, which `memory` (NULL: only counts) receives. */
+/* One map per point of a soft light, splitting the texels of one. Returns the number of floats (memory NULL: only
+   counts). */
 SPSI_COLD size_t spsi_translucency_maps_aim(const spsi_frame *frame, spsi_shadow *shadows, int count,
                                             spsi_translucency_map *next, float *memory) {
     size_t floats = 0;
@@ -16978,7 +16982,7 @@ SPSI_COLD sps_result spsi_shadow_tables_build(sps_context *context, const spsi_f
         part.progress += part.share;
         ++next;
     }
-    spsi_shadow_tables_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count); /* not taken by a light */
+    spsi_shadow_tables_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count); /* the rest */
     spsi_reserve(context, SPSI_BUFFER_SHADOW_TABLES, (size_t)mapped, sizeof *next);
     return context->result;
 }
@@ -22832,8 +22836,8 @@ SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage 
         (spsi_shadow_table *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *tables);
     if (!job->shadows || !tables) return context->result;
     if (!job->later) memset(job->shadows, 0, (size_t)count * sizeof *job->shadows);
-    for (int i = 0; i < count; ++i)
-        if (!job->later || !tables[i].waits) memset(&tables[i], 0, sizeof tables[i]); /* else made for an earlier grid */
+    for (int i = 0; i < count; ++i) /* waiting ones were made for an earlier grid */
+        if (!job->later || !tables[i].waits) memset(&tables[i], 0, sizeof tables[i]);
     context->cell_tmap_count = count;
     job->gas = spsi_has_shadow_tables(job->frame) ? spsi_gas_fingerprint(job->frame) : 0;
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);

@@ -2850,6 +2850,12 @@ typedef struct spsi_node {
     float u, value;
 } spsi_node;
 
+/* A texel's components behind its range, or its list. */
+typedef struct spsi_texel {
+    const void *data;
+    uint32_t count; /* of items in a list */
+} spsi_texel;
+
 typedef struct spsi_technique {
     const char *name;             /* with article, for errors */
     int least, most, step, usual; /* components: minimum, maximum, step, default */
@@ -2863,12 +2869,11 @@ typedef struct spsi_technique {
     void (*insert)(const sps_tmap_settings *settings, float *sums, size_t stride, const spsi_intervals *intervals);
     /* Converts sums to stored components; NULL: identical. */
     void (*finish)(const sps_tmap_settings *settings, float *texel);
-    /* Optical depth before a vector of u in 0..1; NULL: see `optical_depth`. */
-    spsi_v (*optical_depths)(const sps_tmap_settings *settings, const float *texel, spsi_v u);
-    /* Variant in double precision; NULL: see `optical_depths`. */
-    float (*optical_depth)(const sps_tmap_settings *settings, const float *texel, float u);
+    /* Optical depths before rising u in 0..1. */
+    void (*depths)(const sps_tmap_settings *settings, const spsi_texel *texel, int count, const float *u,
+                   float *depths);
     /* Guaranteed bounds; NULL: 0 .. SPSI_DEPTH_MAX. */
-    void (*bracket)(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]);
+    void (*bracket)(const sps_tmap_settings *settings, const spsi_texel *texel, float u, float bracket[2]);
 } spsi_technique;
 
 /* ---- intervals ---- */
@@ -2883,18 +2888,26 @@ static inline float spsi_interval_fraction(const spsi_interval *interval, float 
     return soft > 0 ? t * (6 * (1 - soft) + t * (6 * soft - 3 - 2 * soft * t)) / (3 - 2 * soft) : t;
 }
 
-/* Exact optical depths before rising u, for a list sorted by u0; u = 1 includes everything. */
-static void spsi_intervals_optical_depths(const spsi_interval *list, uint32_t count, int u_count, const float *u,
-                                          float *depths) {
+/* Exact, for a list sorted by u0; u = 1 includes everything. */
+static void spsi_deep_depths(const sps_tmap_settings *settings, const spsi_texel *texel, int count, const float *u,
+                             float *depths) {
+    const spsi_interval *list = (const spsi_interval *)texel->data;
     uint32_t first = 0; /* intervals before lie wholly before u */
     double before = 0;
-    for (int k = 0; k < u_count; ++k) {
-        for (; first < count && (list[first].u1 <= u[k] || u[k] >= 1); ++first) before += (double)list[first].depth;
+    for (int k = 0; k < count; ++k) {
+        for (; first < texel->count && (list[first].u1 <= u[k] || u[k] >= 1); ++first)
+            before += (double)list[first].depth;
         double sum = before;
-        for (uint32_t i = first; i < count && list[i].u0 <= u[k]; ++i)
+        for (uint32_t i = first; i < texel->count && list[i].u0 <= u[k]; ++i)
             sum += (double)list[i].depth * (double)spsi_interval_fraction(&list[i], u[k]);
         depths[k] = (float)spsi_dmin(sum, (double)SPSI_DEPTH_MAX);
     }
+    (void)settings;
+}
+
+static void spsi_deep_bracket(const sps_tmap_settings *settings, const spsi_texel *texel, float u, float bracket[2]) {
+    spsi_deep_depths(settings, texel, 1, &u, bracket);
+    bracket[1] = bracket[0];
 }
 
 /* Total order, so that round-off does not depend on insertion order. */
@@ -3166,94 +3179,55 @@ static void spsi_opacity_finish(const sps_tmap_settings *settings, float *texel)
     }
 }
 
-/* Points of curves through planes; plane -1 is (0, 0). */
-typedef struct spsi_knots {
-    spsi_v u, depth;
-} spsi_knots;
+/* a / b, or 0 between planes at one u. */
+static float spsi_ratio(float a, float b) { return b > 0 ? a / b : 0; }
 
-static inline spsi_knots spsi_opacity_knots(const sps_tmap_settings *settings, const float *texel, spsi_v plane) {
-    const spsi_v zero = spsi_set(0), at = spsi_clamp(plane, zero, spsi_set((float)(settings->components - 1)));
-    const spsi_m before = spsi_less(plane, zero);
-    spsi_knots knots;
-    knots.u = settings->planes ? spsi_lookup(settings->planes, 0, at, zero)
-                               : spsi_div(spsi_add(at, spsi_set(1)), spsi_set((float)settings->components));
-    knots.u = spsi_select(before, zero, knots.u);
-    knots.depth = spsi_select(before, zero, spsi_lookup(texel, 0, at, zero));
-    return knots;
+/* Curves go through planes; plane -1 is at u = 0, with depth 0. */
+static float spsi_knot_u(const sps_tmap_settings *settings, int i) { return i < 0 ? 0 : spsi_plane(settings, i); }
+
+static float spsi_secant(const sps_tmap_settings *settings, const float *texel, int i) {
+    return spsi_ratio(texel[i] - (i > 0 ? texel[i - 1] : 0), spsi_plane(settings, i) - spsi_knot_u(settings, i - 1));
 }
 
-/* Vector spsi_plane_from; even planes differ by round-off. */
-static inline spsi_v spsi_planes_from(const sps_tmap_settings *settings, spsi_v u) {
-    const int last = settings->components - 1;
-    const spsi_v zero = spsi_set(0), one = spsi_set(1);
-    spsi_v plane = zero;
-    if (!settings->planes) {
-        plane = spsi_sub(zero, spsi_floor(spsi_mul(u, spsi_set((float)-settings->components))));
-        return spsi_clamp(spsi_sub(plane, one), zero, spsi_set((float)last));
+/* Slope of a monotone cubic at plane i: the parabola's through three planes, without overshoot. */
+static float spsi_steffen(const sps_tmap_settings *settings, const float *texel, int i) {
+    const int middle = spsi_imax(spsi_imin(i, settings->components - 2), 0);
+    if (settings->components == 1) return spsi_secant(settings, texel, 0);
+    const float u = spsi_knot_u(settings, middle), way = spsi_knot_u(settings, middle + 1) - u;
+    const float ahead = u - spsi_knot_u(settings, middle - 1);
+    const float before = spsi_secant(settings, texel, middle), after = spsi_secant(settings, texel, middle + 1);
+    if (i == middle)
+        return spsi_fmin(2 * spsi_fmin(before, after), spsi_ratio(before * way + after * ahead, ahead + way));
+    const float own = i < middle ? before : after, other = i < middle ? after : before;
+    const float slope = own + spsi_ratio(i < middle ? ahead : way, ahead + way) * (own - other);
+    return spsi_fmax(spsi_fmin(slope, 2 * own), 0);
+}
+
+static void spsi_opacity_depths(const sps_tmap_settings *settings, const spsi_texel *texel, int count, const float *u,
+                                float *depths) {
+    const float *values = (const float *)texel->data;
+    float slopes[2] = {0, 0};
+    int i = count > 0 ? spsi_plane_from(settings, u[0]) : 0, has_slopes = 0;
+    for (int k = 0; k < count; ++k) {
+        for (; i < settings->components - 1 && spsi_plane(settings, i) < u[k]; ++i) has_slopes = 0;
+        for (int end = 0; end < 2 && settings->cubic && !has_slopes; ++end)
+            slopes[end] = spsi_steffen(settings, values, i - 1 + end);
+        has_slopes = 1;
+        const float u0 = spsi_knot_u(settings, i - 1), length = spsi_plane(settings, i) - u0;
+        const float low = i > 0 ? values[i - 1] : 0, rise = values[i] - low, even = spsi_ratio(rise, length);
+        const float t = u[k] < u0 + length ? spsi_ratio(u[k] - u0, length) : 1;
+        const float bend = settings->cubic ? (1 - t) * (slopes[0] - even) - t * (slopes[1] - even) : 0;
+        const float depth = low + t * rise + t * (1 - t) * length * bend;
+        depths[k] = u[k] > 0 ? spsi_fmax(spsi_fmin(depth, values[i]), low) : 0;
     }
-    for (int i = 0; i < last; ++i)
-        plane = spsi_select(spsi_less(spsi_set(settings->planes[i]), u), spsi_set((float)(i + 1)), plane);
-    return plane;
 }
 
-/* a / b, or 0 for b = 0: a knot and its copy past an end. */
-static inline spsi_v spsi_ratio(spsi_v a, spsi_v b) {
-    const spsi_m some = spsi_less(spsi_set(0), spsi_abs(b));
-    return spsi_select(some, spsi_div(a, spsi_select(some, b, spsi_set(1))), spsi_set(0));
-}
-
-static inline spsi_v spsi_secant(const spsi_knots *a, const spsi_knots *b) {
-    return spsi_ratio(spsi_sub(b->depth, a->depth), spsi_sub(b->u, a->u));
-}
-
-/* Slope at b of the cubic through rising a, b, c: the parabola's, without overshoot. */
-static inline spsi_v spsi_steffen_inner(const spsi_knots *a, const spsi_knots *b, const spsi_knots *c) {
-    const spsi_v before = spsi_secant(a, b), after = spsi_secant(b, c);
-    const spsi_v sum = spsi_fma(before, spsi_sub(c->u, b->u), spsi_mul(after, spsi_sub(b->u, a->u)));
-    const spsi_v parabola = spsi_ratio(sum, spsi_sub(c->u, a->u));
-    return spsi_mul(spsi_set(2), spsi_min(spsi_min(before, after), spsi_mul(spsi_set(0.5f), parabola)));
-}
-
-static inline spsi_v spsi_steffen_end(const spsi_knots *a, const spsi_knots *b, const spsi_knots *c) {
-    const spsi_v secant = spsi_secant(a, b), part = spsi_ratio(spsi_sub(b->u, a->u), spsi_sub(c->u, a->u));
-    const spsi_v slope = spsi_fma(part, spsi_sub(secant, spsi_secant(b, c)), secant);
-    return spsi_clamp(slope, spsi_set(0), spsi_add(secant, secant));
-}
-
-/* Monotone cubic between planes i - 1 (b) and i (c); exact for lines. */
-static inline spsi_v spsi_opacity_cubic(const sps_tmap_settings *settings, const float *texel, spsi_v i,
-                                        const spsi_knots *b, const spsi_knots *c, spsi_v t) {
-    const spsi_v one = spsi_set(1), even = spsi_secant(b, c), rest = spsi_sub(one, t),
-                 rise = spsi_sub(c->depth, b->depth);
-    const spsi_knots a = spsi_opacity_knots(settings, texel, spsi_sub(i, spsi_set(2)));
-    const spsi_knots d = spsi_opacity_knots(settings, texel, spsi_add(i, one));
-    const spsi_m first = spsi_less(i, spsi_set(0.5f));
-    const spsi_m last = spsi_less(spsi_set((float)settings->components - 1.5f), i);
-    const spsi_v first_slope = spsi_select(last, even, spsi_steffen_end(b, c, &d));
-    const spsi_v last_slope = spsi_select(first, even, spsi_steffen_end(c, b, &a));
-    const spsi_v slope0 = spsi_select(first, first_slope, spsi_steffen_inner(&a, b, c));
-    const spsi_v slope1 = spsi_select(last, last_slope, spsi_steffen_inner(b, c, &d));
-    spsi_v bend = spsi_sub(spsi_mul(rest, spsi_sub(slope0, even)), spsi_mul(t, spsi_sub(slope1, even)));
-    bend = spsi_mul(spsi_mul(spsi_mul(t, rest), spsi_sub(c->u, b->u)), bend);
-    return spsi_clamp(spsi_add(spsi_fma(t, rise, b->depth), bend), b->depth, c->depth);
-}
-
-/* Cost: two lookups, four if cubic; settings->planes adds a comparison per plane. */
-static spsi_v spsi_opacity_optical_depths(const sps_tmap_settings *settings, const float *texel, spsi_v u) {
-    const spsi_v zero = spsi_set(0), i = spsi_planes_from(settings, u);
-    const spsi_knots before = spsi_opacity_knots(settings, texel, spsi_sub(i, spsi_set(1)));
-    const spsi_knots after = spsi_opacity_knots(settings, texel, i);
-    const spsi_v share = spsi_ratio(spsi_sub(u, before.u), spsi_sub(after.u, before.u));
-    const spsi_v t = spsi_clamp(share, zero, spsi_set(1));
-    const spsi_v depth = settings->cubic ? spsi_opacity_cubic(settings, texel, i, &before, &after, t)
-                                         : spsi_mix(before.depth, after.depth, t);
-    return spsi_select(spsi_less(zero, u), spsi_select(spsi_less(u, after.u), depth, after.depth), zero);
-}
-
-static void spsi_opacity_bracket(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]) {
+static void spsi_opacity_bracket(const sps_tmap_settings *settings, const spsi_texel *texel, float u,
+                                 float bracket[2]) {
     const int i = spsi_plane_from(settings, u);
-    bracket[0] = i > 0 ? texel[i - 1] : 0;
-    bracket[1] = texel[i];
+    const float *values = (const float *)texel->data;
+    bracket[0] = i > 0 ? values[i - 1] : 0;
+    bracket[1] = values[i];
 }
 
 /* ---- Fourier series ---- */
@@ -3295,18 +3269,24 @@ static void spsi_fourier_insert(const sps_tmap_settings *settings, float *sums, 
 }
 
 /* Sum of a0 u / 2 and (a_k sin(2 pi k u) + b_k (1 - cos(2 pi k u))) / (2 pi k). */
-static spsi_v spsi_fourier_optical_depths(const sps_tmap_settings *settings, const float *texel, spsi_v u) {
-    const spsi_v half = spsi_set(0.5f * texel[0]);
-    spsi_v cosine, sine, c, s, sum = spsi_mul(half, u);
-    spsi_cos_sin(u, &cosine, &sine);
-    c = cosine, s = sine;
-    for (int k = 1; 2 * k < settings->components; ++k) {
-        const spsi_v a = spsi_set(texel[2 * k - 1]), b = spsi_set(texel[2 * k]);
-        const spsi_v both = spsi_fma(a, s, spsi_mul(b, spsi_sub(spsi_set(1), c)));
-        sum = spsi_add(sum, spsi_mul(both, spsi_set((float)(1 / (2 * SPSI_PI * k)))));
-        spsi_rotate(&c, &s, cosine, sine);
+static void spsi_fourier_depths(const sps_tmap_settings *settings, const spsi_texel *texel, int count, const float *u,
+                                float *depths) {
+    const float *values = (const float *)texel->data;
+    const spsi_v half = spsi_set(0.5f * values[0]), most = spsi_min(half, spsi_set(SPSI_DEPTH_MAX));
+    for (int i = 0; i < count; i += SPSI_LANES) {
+        const int some = spsi_imin(SPSI_LANES, count - i);
+        const spsi_v at = spsi_load_first(u + i, some);
+        spsi_v cosine, sine, c, s, sum = spsi_mul(half, at);
+        spsi_cos_sin(at, &cosine, &sine);
+        c = cosine, s = sine;
+        for (int k = 1; 2 * k < settings->components; ++k) {
+            const spsi_v a = spsi_set(values[2 * k - 1]), b = spsi_set(values[2 * k]);
+            const spsi_v both = spsi_fma(a, s, spsi_mul(b, spsi_sub(spsi_set(1), c)));
+            sum = spsi_add(sum, spsi_mul(both, spsi_set((float)(1 / (2 * SPSI_PI * k)))));
+            spsi_rotate(&c, &s, cosine, sine);
+        }
+        spsi_store_first(depths + i, spsi_clamp(sum, spsi_set(0), most), some);
     }
-    return spsi_clamp(sum, spsi_set(0), spsi_min(half, spsi_set(SPSI_DEPTH_MAX)));
 }
 
 /* ---- curves for fits, piece by piece ---- */
@@ -3322,20 +3302,33 @@ static inline float spsi_optical_depth_of(double transmittance) {
     return (float)(transmittance < 1 ? 0 - log(transmittance) : 0);
 }
 
-/* T of a polyline: 1 before the first node, constant after the last, the later node at a jump. */
-static double spsi_nodes_transmittance(const spsi_node *nodes, uint32_t count, float u) {
-    uint32_t low = 0, high = count; /* first node behind u */
-    while (low < high) {
-        const uint32_t middle = low + (high - low) / 2;
-        if (nodes[middle].u <= u)
-            low = middle + 1;
-        else
-            high = middle;
+/* T is a polyline: 1 before the first node, constant after the last, the later node at a jump. */
+static void spsi_compressed_depths(const sps_tmap_settings *settings, const spsi_texel *texel, int count,
+                                   const float *u, float *depths) {
+    const spsi_node *nodes = (const spsi_node *)texel->data;
+    uint32_t next = 0; /* first node behind u */
+    for (int k = 0; k < count; ++k) {
+        for (; next < texel->count && nodes[next].u <= u[k]; ++next) {}
+        const spsi_node *from = next > 0 ? &nodes[next - 1] : NULL, *to = &nodes[next];
+        double through = from ? (double)from->value : 1;
+        if (from && next < texel->count)
+            through += ((double)to->value - through) * ((double)u[k] - (double)from->u) /
+                       ((double)to->u - (double)from->u);
+        depths[k] = spsi_optical_depth_of(through);
     }
-    if (low == 0) return 1;
-    if (low == count) return (double)nodes[count - 1].value;
-    const double t = ((double)u - (double)nodes[low - 1].u) / ((double)nodes[low].u - (double)nodes[low - 1].u);
-    return (double)nodes[low - 1].value + t * ((double)nodes[low].value - (double)nodes[low - 1].value);
+    (void)settings;
+}
+
+static void spsi_compressed_bracket(const sps_tmap_settings *settings, const spsi_texel *texel, float u,
+                                    float bracket[2]) {
+    const float epsilon = settings->epsilon;
+    bracket[0] = 0;
+    bracket[1] = SPSI_DEPTH_MAX;
+    if (settings->components > 0) return; /* thinned by area */
+    spsi_compressed_depths(settings, texel, 1, &u, bracket);
+    const float through = expf(-bracket[0]);
+    bracket[0] = spsi_fmax(-logf(spsi_fmin(through + epsilon, 1)), 0);
+    bracket[1] = through > epsilon ? -logf(through - epsilon) : SPSI_DEPTH_MAX;
 }
 
 /* ---- transmittance as a polyline ---- */
@@ -3625,44 +3618,52 @@ SPSI_COLD double spsi_moment_bounds(const sps_tmap_settings *settings, const flo
 
 /* Biases of [Muenstermann et al. 2018] for floats. Cost: factorising 3 or 4 rows, roots of degree 2 or 3. Exact at u =
    1. */
-SPSI_COLD float spsi_moment_optical_depth(const sps_tmap_settings *settings, const float *texel, float u) {
+SPSI_COLD void spsi_moment_depths(const sps_tmap_settings *settings, const spsi_texel *texel, int count,
+                                  const float *u, float *depths) {
     static const double biases[2] = {5e-7, 5e-6};
-    double bounds[2];
-    if (!(texel[0] > 0)) return 0;
-    if (u >= 1) return texel[0];
-    spsi_moment_bounds(settings, texel, u, biases, bounds);
-    return (float)(0.5 * (bounds[0] + bounds[1]) * (double)texel[0]);
+    const float *values = (const float *)texel->data;
+    for (int k = 0; k < count; ++k) {
+        double bounds[2] = {0, 0};
+        depths[k] = values[0];
+        if (u[k] >= 1) continue;
+        if (values[0] > 0) spsi_moment_bounds(settings, values, u[k], biases, bounds);
+        depths[k] = (float)(0.5 * (bounds[0] + bounds[1]) * (double)values[0]);
+    }
 }
 
 /* With G in 0..1, bounds of (1 - a) F + a G put F within (low - a) / (1 - a) .. high / (1 - a). Round-off d is covered
    if d (matrix size) < a (smallest eigenvalue: 0.199, 0.0137): 2e-6, a thousand sums. */
-static void spsi_moment_bracket(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]) {
+static void spsi_moment_bracket(const sps_tmap_settings *settings, const spsi_texel *texel, float u,
+                                float bracket[2]) {
     static const double biases[2] = {3e-5, 6e-4};
-    const double whole = (double)texel[0], answer = (double)spsi_moment_optical_depth(settings, texel, u);
+    const float *values = (const float *)texel->data;
     double bounds[2];
-    bracket[0] = bracket[1] = (float)answer;
+    spsi_moment_depths(settings, texel, 1, &u, bracket);
+    bracket[1] = bracket[0];
+    const double whole = (double)values[0], answer = (double)bracket[0];
     if (!(whole > 0) || u >= 1) return;
-    const double share = spsi_moment_bounds(settings, texel, u, biases, bounds);
+    const double share = spsi_moment_bounds(settings, values, u, biases, bounds);
     bracket[0] = (float)(share < 1 ? spsi_dmin(spsi_dmax((bounds[0] - share) / (1 - share), 0) * whole, answer) : 0);
     bracket[1] = (float)(share < 1 ? spsi_dmax(spsi_dmin(bounds[1] / (1 - share), 1) * whole, answer) : whole);
 }
 
 /* Indexed by sps_tmap_technique. */
 static const spsi_technique spsi_techniques[] = {
-    {"no map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL},
-    {"a deep map", 0, 0, 0, 0, sizeof(spsi_interval), 0, 0, NULL, NULL, NULL, NULL, NULL},
-    {"a compressed map", 4, 64, 2, 0, sizeof(spsi_node), 0, 0, NULL, NULL, NULL, NULL, NULL},
-    {"an opacity map", 1, 65, 1, 8, 0, 0, 0, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_optical_depths,
-     NULL, spsi_opacity_bracket},
-    {"a deep opacity map", 3, 65, 1, 8, 0, 0, 1, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_optical_depths,
-     NULL, spsi_opacity_bracket},
-    {"a Fourier map", 3, 65, 2, 7, 0, 1, -1, spsi_fourier_insert, NULL, spsi_fourier_optical_depths, NULL, NULL},
-    {"a moment map", 5, 7, 2, 5, 0, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, spsi_moment_optical_depth,
-     spsi_moment_bracket},
-    {"a Beer map", 3, 3, 1, 3, 0, 0, 1, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_optical_depths, NULL,
+    {"no map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL},
+    {"a deep map", 0, 0, 0, 0, sizeof(spsi_interval), 0, 0, NULL, NULL, spsi_deep_depths, spsi_deep_bracket},
+    {"a compressed map", 4, 64, 2, 0, sizeof(spsi_node), 0, 0, NULL, NULL, spsi_compressed_depths,
+     spsi_compressed_bracket},
+    {"an opacity map", 1, 65, 1, 8, 0, 0, 0, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_depths,
      spsi_opacity_bracket},
-    {"a shadow table", 8, 1024, 1, 256, 0, 0, 0, spsi_opacity_insert, NULL, NULL, NULL, NULL},
-    {"a depth map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL},
+    {"a deep opacity map", 3, 65, 1, 8, 0, 0, 1, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_depths,
+     spsi_opacity_bracket},
+    {"a Fourier map", 3, 65, 2, 7, 0, 1, -1, spsi_fourier_insert, NULL, spsi_fourier_depths, NULL},
+    {"a moment map", 5, 7, 2, 5, 0, 1, 0, spsi_moment_insert, spsi_moment_finish, spsi_moment_depths,
+     spsi_moment_bracket},
+    {"a Beer map", 3, 3, 1, 3, 0, 0, 1, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_depths,
+     spsi_opacity_bracket},
+    {"a shadow table", 8, 1024, 1, 256, 0, 0, 0, spsi_opacity_insert, NULL, NULL, NULL},
+    {"a depth map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL},
 };
 
 SPSI_COLD sps_tmap_settings spsi_settings_resolve(const sps_tmap_settings *settings, int of_light) {
@@ -13495,64 +13496,43 @@ SPSI_COLD size_t spsi_tmap_item_count(const sps_tmap *map) {
     return ((const uint32_t *)map->data.starts.data)[spsi_light_grid_texels(&map->grid)];
 }
 
-static const float *spsi_tmap_texel(const sps_tmap *map, size_t index) {
-    return (const float *)map->data.texels.data + index * (size_t)map->settings.components;
+static spsi_texel spsi_tmap_texel(const sps_tmap *map, size_t index) {
+    const uint32_t *starts = (const uint32_t *)map->data.starts.data + (map->technique->lists ? index : 0);
+    const size_t components = (size_t)map->settings.components;
+    const float *values = (const float *)map->data.texels.data + index * components + 2 * map->has_range;
+    spsi_texel texel = {values, 0};
+    if (!map->technique->lists) return texel;
+    texel.data = (const char *)map->data.texels.data + starts[0] * map->technique->lists;
+    texel.count = starts[1] - starts[0];
+    return texel;
 }
 
-/* Optical depths before rising u in a texel's list. */
-static void spsi_tmap_list_depths(const sps_tmap *map, size_t index, int u_count, const float *u, float *depths) {
-    const uint32_t *starts = (const uint32_t *)map->data.starts.data + index;
-    const uint32_t count = starts[1] - starts[0];
-    const void *list = (const char *)map->data.texels.data + starts[0] * map->technique->lists;
-    if (map->settings.technique == SPS_TMAP_DEEP) {
-        spsi_intervals_optical_depths((const spsi_interval *)list, count, u_count, u, depths);
-        return;
-    }
-    for (int k = 0; k < u_count; ++k)
-        depths[k] = spsi_optical_depth_of(spsi_nodes_transmittance((const spsi_node *)list, count, u[k]));
+/* u relative to a texel's range; negative before it. */
+static float spsi_tmap_within(const sps_tmap *map, const spsi_texel *texel, float u) {
+    const float *range = (const float *)texel->data - 2;
+    if (!map->has_range || u < range[0]) return map->has_range ? -1 : u;
+    return u < range[1] ? (u - range[0]) / (range[1] - range[0]) : 1;
 }
 
-static spsi_v spsi_tmap_vector_depths(const sps_tmap *map, const float *texel, spsi_v u) {
-    const spsi_v zero = spsi_set(0), one = spsi_set(1);
-    if (!map->has_range) return map->technique->optical_depths(&map->inner, texel, u);
-    const spsi_v first = spsi_set(texel[0]), length = spsi_set(texel[1] - texel[0]);
-    spsi_v within = spsi_div(spsi_sub(u, first), spsi_max(length, spsi_set(FLT_MIN)));
-    within = spsi_select(spsi_less(zero, length), spsi_clamp(within, zero, one), one);
-    return spsi_select(spsi_less(u, first), zero, map->technique->optical_depths(&map->inner, texel + 2, within));
-}
+#define SPSI_SHADOW_TABLE_PLANES_MOST 1024
 
 /* Optical depths of gas in a texel, before rising u. */
 static void spsi_tmap_depths(const sps_tmap *map, size_t index, int count, const float *u, float *depths) {
-    const spsi_technique *technique = map->technique;
-    if (technique->lists) spsi_tmap_list_depths(map, index, count, u, depths);
-    for (int i = 0; i < count && technique->optical_depths; i += SPSI_LANES) {
-        const int some = spsi_imin(SPSI_LANES, count - i);
-        const spsi_v found = spsi_tmap_vector_depths(map, spsi_tmap_texel(map, index), spsi_load_first(u + i, some));
-        spsi_store_first(depths + i, found, some);
-    }
-    for (int i = 0; i < count && technique->optical_depth; ++i)
-        depths[i] = technique->optical_depth(&map->inner, spsi_tmap_texel(map, index), u[i]);
+    float within[SPSI_SHADOW_TABLE_PLANES_MOST];
+    int first = 0;                       /* before it, u lies before the range */
+    if (!map->technique->depths) return; /* surfaces alone */
+    const spsi_texel texel = spsi_tmap_texel(map, index);
+    for (int k = 0; k < count; ++k) within[k] = spsi_tmap_within(map, &texel, u[k]);
+    for (; first < count && within[first] < 0; ++first) depths[first] = 0;
+    map->technique->depths(&map->inner, &texel, count - first, within + first, depths + first);
 }
 
 static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float bounds[2]) {
+    const spsi_texel texel = spsi_tmap_texel(map, index);
+    const float within = spsi_tmap_within(map, &texel, u);
     bounds[0] = 0;
-    bounds[1] = SPSI_DEPTH_MAX;
-    if (map->settings.technique == SPS_TMAP_DEEP) {
-        spsi_tmap_list_depths(map, index, 1, &u, bounds);
-        bounds[1] = bounds[0];
-    } else if (map->settings.technique == SPS_TMAP_COMPRESSED && map->settings.components == 0) {
-        spsi_tmap_list_depths(map, index, 1, &u, bounds);
-        const float through = expf(-bounds[0]), epsilon = map->inner.epsilon;
-        bounds[0] = spsi_fmax(-logf(spsi_fmin(through + epsilon, 1)), 0);
-        bounds[1] = through > epsilon ? -logf(through - epsilon) : SPSI_DEPTH_MAX;
-    } else if (map->technique->bracket) {
-        const float *texel = spsi_tmap_texel(map, index), first = map->has_range ? texel[0] : 0;
-        const float length = map->has_range ? texel[1] - first : 1;
-        bounds[1] = 0;
-        if (!(u < first))
-            map->technique->bracket(&map->inner, texel + 2 * map->has_range,
-                                    length > 0 ? spsi_fmin((u - first) / length, 1) : 1, bounds);
-    }
+    bounds[1] = within < 0 ? 0 : SPSI_DEPTH_MAX;
+    if (within >= 0 && map->technique->bracket) map->technique->bracket(&map->inner, &texel, within, bounds);
 }
 
 typedef struct spsi_tmap_quad {
@@ -14995,8 +14975,6 @@ typedef struct spsi_evaluation {
     const sps_tmap *map;
     const spsi_shadow_table *table;
 } spsi_evaluation;
-
-#define SPSI_SHADOW_TABLE_PLANES_MOST 1024
 
 /* Evaluates a map's row of texels at the table's planes. */
 static void spsi_evaluate_row_task(void *data, int row) {

@@ -180,19 +180,30 @@ static void build(const sps_tmap_settings *settings, const column *c, float *tex
     pick(settings, sums, lane, texel);
 }
 
-static float list_depth(const spsi_interval *sorted, uint32_t count, float u) {
+/* Optical depth before u in a list of a technique. */
+static float items_depth(sps_tmap_technique technique, const void *list, uint32_t count, float u) {
+    const sps_tmap_settings settings = {.technique = technique};
+    const spsi_texel texel = {list, count};
     float depth;
-    spsi_intervals_optical_depths(sorted, count, 1, &u, &depth);
+    spsi_techniques[technique].depths(&settings, &texel, 1, &u, &depth);
     return depth;
 }
 
-/* Optical depth before u in one texel, by the function that the technique has. */
-static float texel_depth(const sps_tmap_settings *settings, const float *texel, float u) {
-    const spsi_technique *technique = &spsi_techniques[settings->technique];
-    float lanes[SPSI_LANES];
-    if (technique->optical_depth) return technique->optical_depth(settings, texel, u);
-    spsi_store(lanes, technique->optical_depths(settings, texel, spsi_set(u)));
-    return lanes[0];
+static float list_depth(const spsi_interval *list, uint32_t count, float u) {
+    return items_depth(SPS_TMAP_DEEP, list, count, u);
+}
+
+/* Optical depth before u in one texel. */
+static float texel_depth(const sps_tmap_settings *settings, const float *values, float u) {
+    const spsi_texel texel = {values, 0};
+    float depth;
+    spsi_techniques[settings->technique].depths(settings, &texel, 1, &u, &depth);
+    return depth;
+}
+
+static void texel_bracket(const sps_tmap_settings *settings, const float *values, float u, float bracket[2]) {
+    const spsi_texel texel = {values, 0};
+    spsi_techniques[settings->technique].bracket(settings, &texel, u, bracket);
 }
 
 static double ask(const sps_tmap_settings *settings, const float *texel, double u) {
@@ -429,7 +440,7 @@ static void test_cuts(void) {
 static spsi_node compressed[2 * (SPSI_CURVE_NODES(MOST, SPSI_SOFT_MOST)) + 9000];
 
 static double compressed_depth(int nodes, float u) {
-    return (double)spsi_optical_depth_of(spsi_nodes_transmittance(compressed, (uint32_t)nodes, u));
+    return (double)items_depth(SPS_TMAP_COMPRESSED, compressed, (uint32_t)nodes, u);
 }
 
 /* |T - T'| at u, and the exact T. */
@@ -560,7 +571,7 @@ static void check_planes(const column *c, sps_tmap_settings *settings) {
     }
     for (int i = 0; i <= SAMPLES; ++i) {
         const double exact = exact_depth(c, (double)sample(i)), value = ask(settings, texel, (double)sample(i));
-        spsi_techniques[settings->technique].bracket(settings, texel, sample(i), bracket);
+        texel_bracket(settings, texel, sample(i), bracket);
         if (!CHECK_CASE("Found in review", "opacity and deep opacity maps of 1 to 65 planes",
                         "brackets contain the exact depth",
                         fmax((double)bracket[0] - exact, exact - (double)bracket[1]), sum_rounding(c, exact),
@@ -730,7 +741,7 @@ static void test_moment_bracket(void) {
             for (int i = 0; i <= SAMPLES; ++i) {
                 const double exact = exact_depth(c, (double)sample(i)), off = sum_rounding(c, (double)texel[0]);
                 const double value = ask(&settings, texel, (double)sample(i));
-                spsi_techniques[SPS_TMAP_MOMENT].bracket(&settings, texel, sample(i), bracket);
+                texel_bracket(&settings, texel, sample(i), bracket);
                 if (!CHECK((double)bracket[0] <= exact + off && (double)bracket[1] >= exact - off))
                     printf("    %s, %d: %g at %g is not in %g .. %g\n", c->name, components, exact, (double)sample(i),
                            (double)bracket[0], (double)bracket[1]);
@@ -761,7 +772,7 @@ static void test_moment_rounding(void) {
                 const double close = (double)c->list[i % c->count].u0 + between(-0.01, 0.01);
                 const float u = i < SAMPLES ? sample(i) : (float)fmin(fmax(close, 0), 1);
                 const double exact = exact_depth(c, (double)u);
-                spsi_moment_bracket(&settings, texel, u, bracket);
+                texel_bracket(&settings, texel, u, bracket);
                 good &= (double)bracket[0] <= exact + off && (double)bracket[1] >= exact - off;
             }
             if (!CHECK(good)) printf("    %s, %d moments\n", c->name, settings.components - 1);
@@ -779,7 +790,7 @@ static void test_moment_nonsense(void) {
         for (int k = 1; k < 7; ++k) texel[k] = (float)(n % 7 ? between(-size, size) : between(0, 3) < 1 ? 1 : -1);
         for (int i = 0; i <= 8; ++i) {
             const double value = ask(&settings, texel, i / 8.0);
-            spsi_moment_bracket(&settings, texel, (float)i / 8, bracket);
+            texel_bracket(&settings, texel, (float)i / 8, bracket);
             CHECK(value >= 0 && value <= 2 && bracket[0] >= 0 && bracket[1] <= 2 && bracket[0] <= bracket[1]);
         }
     }
@@ -1021,7 +1032,7 @@ static void check_answers(const sps_tmap_settings *settings, const column *c, co
         const float depth = texel_depth(settings, texel, at[i]);
         int good = depth >= 0 && depth <= SPSI_DEPTH_MAX;
         if (technique->bracket) {
-            technique->bracket(settings, texel, at[i], bracket);
+            texel_bracket(settings, texel, at[i], bracket);
             good &= bracket[0] >= 0 && bracket[0] <= depth && depth <= bracket[1] && bracket[1] <= SPSI_DEPTH_MAX;
         }
         if (!CHECK(good)) printf("    %s, %s: %g at %g\n", technique->name, what, (double)depth, (double)at[i]);
@@ -1091,7 +1102,7 @@ static void test_table(void) {
         CHECK((p->lists > 0) == (t <= SPS_TMAP_COMPRESSED));
         if (p->lists || t == SPS_TMAP_DEPTH) continue;
         CHECK(p->insert);
-        CHECK((p->optical_depth != NULL) + (p->optical_depths != NULL) == (t != SPS_TMAP_TABLE)); /* which is no map */
+        CHECK((p->depths != NULL) == (t != SPS_TMAP_TABLE)); /* which is no map */
         CHECK(p->usual >= p->least && p->usual <= p->most && (p->usual - p->least) % p->step == 0);
         CHECK((p->most - p->least) % p->step == 0 && (p->most <= SPSI_TMAP_COMPONENTS || t == SPS_TMAP_TABLE));
     }

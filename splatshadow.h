@@ -14336,10 +14336,26 @@ static void spsi_spheres_task(void *data, int i) {
 /* Average tiles per sphere above which no lists are made. */
 #define SPSI_SPHERE_TILES 8
 
-/* Counts spheres per tile; with a list: stores them and advances `starts`. */
-SPSI_COLD void spsi_spheres_into_tiles(const spsi_sphere *spheres, size_t count, int tiles_x, uint32_t *starts,
-                                       uint32_t *list) {
-    for (size_t i = 0; i < count; ++i) {
+#define SPSI_DEPTH_STEPS 1024 /* more would not shorten later sorting */
+
+static int spsi_sphere_step(const sps_tmap *map, const spsi_sphere *sphere) {
+    const double front = ((double)sphere->t - (double)sphere->radius) * map->grid.per_depth;
+    return (int)(spsi_dmin(spsi_dmax(front, 0), 1) * (SPSI_DEPTH_STEPS - 1));
+}
+
+/* Numbers of spheres, roughly front to back, so that texels' lists are nearly sorted. */
+SPSI_COLD void spsi_spheres_order(const sps_tmap *map, const spsi_sphere *spheres, size_t count, uint32_t *order) {
+    uint32_t starts[SPSI_DEPTH_STEPS + 1] = {0};
+    for (size_t i = 0; i < count; ++i) starts[spsi_sphere_step(map, &spheres[i]) + 1] += 1;
+    spsi_running_sums(starts, SPSI_DEPTH_STEPS);
+    for (size_t i = 0; i < count; ++i) order[starts[spsi_sphere_step(map, &spheres[i])]++] = (uint32_t)i;
+}
+
+/* Counts spheres per tile; with a list: stores them and advances `starts`. `order` NULL: by number. */
+SPSI_COLD void spsi_spheres_into_tiles(const spsi_sphere *spheres, const uint32_t *order, size_t count, int tiles_x,
+                                       uint32_t *starts, uint32_t *list) {
+    for (size_t n = 0; n < count; ++n) {
+        const size_t i = order ? order[n] : n;
         const spsi_sphere *sphere = &spheres[i];
         if (sphere->x1 < sphere->x0 || sphere->y1 < sphere->y0) continue;
         for (int y = sphere->y0 / SPSI_TILE_HEIGHT; y <= sphere->y1 / SPSI_TILE_HEIGHT; ++y)
@@ -14383,14 +14399,16 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     spsi_parallel_batches(context, occluders->frame->content->particle_count, spsi_spheres_task, &job);
     spsi_spheres_outside(map, rays, job.spheres, count);
     memset(starts, 0, (tiles + 1) * sizeof *starts);
-    spsi_spheres_into_tiles(job.spheres, count, tiles_x, starts + 1, NULL);
+    spsi_spheres_into_tiles(job.spheres, NULL, count, tiles_x, starts + 1, NULL);
     const uint64_t sum = spsi_running_sums(starts, tiles + 1);
     occluders->spheres = job.spheres;
     occluders->tile_spheres = NULL;
     if (sum > SPSI_SPHERE_TILES * (uint64_t)(count + tiles) || sum > UINT32_MAX) return SPS_OK;
-    uint32_t *list = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_SPHERE_LIST, (size_t)sum, sizeof *list);
+    const size_t ordered = map->technique->lists ? count : 0;
+    uint32_t *list = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_SPHERE_LIST, (size_t)sum + ordered, sizeof *list);
     if (!list) return context->result;
-    spsi_spheres_into_tiles(job.spheres, count, tiles_x, starts, list);
+    if (ordered > 0) spsi_spheres_order(map, job.spheres, count, list + sum);
+    spsi_spheres_into_tiles(job.spheres, ordered > 0 ? list + sum : NULL, count, tiles_x, starts, list);
     memmove(starts + 1, starts, tiles * sizeof *starts); /* each was advanced to the next */
     starts[0] = 0;
     occluders->tile_starts = starts;
@@ -15086,7 +15104,7 @@ SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *
     else
         *filling += (texels + 1) * (lists ? 1 : components) * sizeof(float);
     *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
-    *filling += frame->particles.count * (sizeof(spsi_sphere) + SPSI_SPHERE_TILES * sizeof(uint32_t));
+    *filling += frame->particles.count * (sizeof(spsi_sphere) + (SPSI_SPHERE_TILES + (size_t)lists) * sizeof(uint32_t));
     *filling += (tiles * tiles * (1 + SPSI_SPHERE_TILES) + 2) * sizeof(uint32_t);
 }
 

@@ -13610,7 +13610,7 @@ typedef struct spsi_tmap_quads {
 #define SPSI_SHADOW_TABLE_SIDE        4 /* side of a block: its planes are 64 bytes, fetched together */
 #define SPSI_SHADOW_TABLE_TEXELS      (SPSI_SHADOW_TABLE_SIDE * SPSI_SHADOW_TABLE_SIDE)
 #define SPSI_SHADOW_TABLE_MOST        65535.0f   /* stands for table_end */
-#define SPSI_SHADOW_TABLE_BLOCKS_MOST 16777216.0 /* planes of blocks, counted by floats */
+#define SPSI_SHADOW_TABLE_BLOCKS_MOST 16777216.0 /* planes of blocks: 1 GB */
 
 /* Blocks along a row; all blocks. */
 static int spsi_shadow_table_columns(const spsi_light_grid *grid) {
@@ -13632,8 +13632,8 @@ static inline spsi_v spsi_shadow_table_at(const spsi_shadow_table *table, spsi_v
     const spsi_v block = spsi_fma(y, spsi_set((float)spsi_shadow_table_columns(&table->grid)), x);
     const spsi_v within = spsi_fma(spsi_sub(row, spsi_mul(y, side)), side, spsi_sub(column, spsi_mul(x, side)));
     spsi_v pair[2];
-    spsi_lookup_pair((const uint32_t *)table->pairs.data, SPSI_SHADOW_TABLE_TEXELS, within,
-                     spsi_fma(block, planes, k), pair);
+    spsi_lookup_pair((const uint32_t *)table->pairs.data, SPSI_SHADOW_TABLE_TEXELS * table->planes,
+                     spsi_fma(k, spsi_set(SPSI_SHADOW_TABLE_TEXELS), within), block, pair);
     return spsi_mul(spsi_mix(pair[0], pair[1], spsi_sub(at, k)), spsi_set(table->end / SPSI_SHADOW_TABLE_MOST));
 }
 
@@ -14930,10 +14930,11 @@ SPSI_COLD sps_result spsi_shadow_table_resolve(sps_context *context, const sps_t
     const double plane_bytes = blocks * SPSI_SHADOW_TABLE_TEXELS * sizeof(uint32_t);
     const double pitch = spsi_pixel_size_at(&grid->rays[0], 0.5 * (grid->near_depth + grid->far_depth));
     const double most = spsi_dmin(technique->usual, floor(SPSI_SHADOW_TABLE_BLOCKS_MOST / blocks));
+    const double least = spsi_dmin(technique->least, floor(7 * SPSI_SHADOW_TABLE_BLOCKS_MOST / blocks)); /* in 31 bits */
     const double per_pitch = map->technique == SPS_TMAP_TABLE ? 1 : 1.5; /* maps resolve more than tables' slabs */
     double planes = spsi_dmin(ceil(per_pitch * (grid->far_depth - grid->near_depth) / pitch), most);
     if (budget) planes = spsi_dmin(planes, floor(((double)budget - (double)sizeof *table) / plane_bytes));
-    table->planes = (int)spsi_dmax(planes, technique->least);
+    table->planes = (int)spsi_dmax(planes, least);
     if (map->technique == SPS_TMAP_TABLE && map->components > 0) table->planes = map->components;
     return spsi_check_map_budget(context, table->light, budget, table->planes * plane_bytes + sizeof *table);
 }
@@ -14979,10 +14980,10 @@ SPSI_COLD sps_result spsi_shadow_table_begin(sps_context *context, const spsi_fr
                                              uint64_t gas, spsi_shadow_table *table) {
     const spsi_subject at = spsi_settings_of(context, light->index);
     if (spsi_shadow_table_aim(context, frame, light, table)) return context->result;
+    if (!spsi_has_shadow_table(light)) return SPS_OK;
     if (spsi_shadow_table_blocks(&table->grid) * table->planes > SPSI_SHADOW_TABLE_BLOCKS_MOST)
         return spsi_fail_member(&at, SPS_ERROR_MEMORY, "components", table->planes,
                                 "a table of this size would have more than 2^28 entries");
-    if (!spsi_has_shadow_table(light)) return SPS_OK;
     table->aim = spsi_shadow_table_aim_fingerprint(table);
     table->key = spsi_shadow_table_key(frame, table->aim, gas);
     spsi_shadow_table_take(context, table);

@@ -568,8 +568,8 @@ typedef struct sps_light {
     /* NULL: see shadow_source. Otherwise shadows in gas come from a map with these settings (all zero: a table). Each
        call evaluates maps of other techniques at a table's planes, three per two texels' widths. A map has no slicing
        limit, and six faces around a point light amid gas. near_depth, far_depth and surface_bias must be 0. An error
-       for area lights. If all volumes have a revision, the next call reuses a table, or updates it where gas has
-       changed; a failing call may release it. Few components blotch dense or surface-shaded volumes. Borrowed for the
+       for area lights. If all volumes have a revision, the next call reuses a table of the same gas; a failing call
+       may release it. Few components blotch dense or surface-shaded volumes. Borrowed for the
        call. */
     const sps_tmap_settings *shadow_map;
     /* Shadows in gas where shadow_map is NULL. With a shadow_map, SPS_SHADOW_SHEETS is an error, and SPS_SHADOW_TABLE
@@ -840,8 +840,8 @@ typedef struct sps_stats_report {
     uint64_t eye_samples, light_samples; /* samples of gathered volumes */
     /* Bound of sps_view.tolerance's error on any ray of the eye, and of a light's sheets. */
     float eye_bound, light_bound;
-    uint64_t tables_made, tables_held; /* shadow tables made or updated, and reused from the last call */
-    /* Patches of these tables, up to 8 x 8 texels over all depths: filled, and kept. */
+    uint64_t tables_made, tables_held; /* shadow tables made, and reused from the last call */
+    /* Patches of these tables, up to 8 x 8 texels over all depths: made, and reused. */
     uint64_t table_patches_made, table_patches_held;
     /* Cells lit and solved; SPS_SCATTERING_CONVOLUTION: texels of all lights' sheets. 0: cached, or not needed. */
     uint64_t cells;
@@ -1725,7 +1725,6 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_IMAGES,       /* >>projectors */
     SPSI_BUFFER_BLOCKS,       /* voxels, >>gather, or triangles, >>polygons, being read */
     SPSI_BUFFER_BRICKS,
-    SPSI_BUFFER_BRICK_FINGERPRINTS, /* hashes for shadow tables */
     SPSI_BUFFER_SEGMENTS,
     SPSI_BUFFER_PYRAMIDS, /* >>sampler */
     SPSI_BUFFER_PYRAMID_GRIDS,
@@ -1881,7 +1880,6 @@ struct sps_context {
     int segment_count; /* cached, >>gather */
     uint64_t gathered; /* hash of volumes with cached voxels; 0: none */
     int brick_count;
-    int bricks_hashed;   /* 1: brick hashes are cached */
     int pyramids_cached; /* spsi_pyramids_wanted when cached */
     uint64_t voxel_count;
     uint64_t faces_held; /* hash of meshes with cached triangles; 0: none */
@@ -5540,33 +5538,6 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     return hash | 1;
 }
 
-/* Four independent sums hide latency. */
-static void spsi_brick_fingerprints_task(void *data, int index) {
-    const sps_context *context = (const sps_context *)data;
-    const spsi_brick *brick = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data + index;
-    const spsi_segment *segment = spsi_segment_at(context, brick->segment);
-    uint64_t *prints = (uint64_t *)context->buffers[SPSI_BUFFER_BRICK_FINGERPRINTS].data;
-    uint64_t sums[4] = {SPSI_FINGERPRINT_START, 1, 2, 3};
-    for (int i = 0; i < brick->count; ++i) {
-        const int at = brick->first + i;
-        uint32_t value;
-        memcpy(&value, &segment->value[at], sizeof value);
-        sums[i & 3] = spsi_fingerprint_word(sums[i & 3], (uint64_t)segment->place[at] << 32 | value);
-    }
-    for (int i = 1; i < 4; ++i) sums[0] = spsi_fingerprint_word(sums[0], sums[i]);
-    for (int i = 0; i < 3; ++i) sums[0] = spsi_fingerprint_word(sums[0], (uint64_t)brick->base[i]);
-    prints[index] = sums[0];
-}
-
-SPSI_COLD sps_result spsi_brick_fingerprints(sps_context *context) {
-    if (context->bricks_hashed) return SPS_OK;
-    if (!spsi_reserve(context, SPSI_BUFFER_BRICK_FINGERPRINTS, (size_t)context->brick_count, sizeof(uint64_t)))
-        return context->result;
-    spsi_parallel_batches(context, context->brick_count, spsi_brick_fingerprints_task, context);
-    context->bricks_hashed = 1;
-    return SPS_OK;
-}
-
 SPSI_COLD void spsi_brick_bounds(const spsi_frame *frame, const spsi_brick *brick, spsi_bounds *bounds) {
     *bounds = spsi_nowhere;
     for (int corner = 0; corner < 8; ++corner) {
@@ -5608,7 +5579,6 @@ SPSI_COLD sps_result spsi_gather(sps_context *context, const spsi_frame *frame) 
     if (!spsi_volumes_cached(context, frame)) {
         int current = -1;
         context->gathered = 0;
-        context->bricks_hashed = 0;
         context->pyramids_cached = 0;
         context->brick_count = 0;
         context->voxel_count = 0;
@@ -13426,8 +13396,8 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
    Maps are filled by rows of tiles (bands). A tile is one task that visits volumes, particles and triangles in order,
    so that results are identical for any number of workers. Vectors of intervals are added to sums or, for lists,
    counted, sorted and fitted. Volumes are splatted into slabs perpendicular to the light's axis: once for plain sums,
-   otherwise twice. A light's shadow table is an opacity map of packed 16-bit pairs of planes. It is cached; the next
-   call refills only patches whose fingerprints changed. Cost: occluders times texels times components; 4 bytes per
+   otherwise twice. A light's shadow table is an opacity map of packed 16-bit pairs of planes, cached while a
+   fingerprint of its input stays. Cost: occluders times texels times components; 4 bytes per
    texel and component in a band of 64 rows, or 16 per interval. */
 
 #define SPSI_NO_SURFACE 1e30f /* u where there is none, far behind far_depth */
@@ -13443,24 +13413,16 @@ typedef struct spsi_tmap_data {
     spsi_buffer surfaces; /* u of the first opaque surface; no data: none */
 } spsi_tmap_data;
 
-typedef struct spsi_tile_fingerprints {
-    uint64_t open; /* mask of patches to fill; the others stay */
-    uint64_t patches[64];
-} spsi_tile_fingerprints;
-
 /* A light's shadow table: optical depth at even planes, as packed pairs of neighbours. */
 typedef struct spsi_shadow_table {
     int light;          /* its light's index */
     int is_made;        /* 1: complete */
-    int updates;        /* 1: an earlier call's, whose changed patches are filled again */
     int waits;          /* 1: made for the cells; a sweep will take it */
     int planes;
     float end;          /* optical depth where it ends */
     spsi_light_grid grid;
-    uint64_t key;       /* fingerprint of its input; 0: not cached */
-    uint64_t aim;       /* fingerprint of rays and planes, and so of entries */
+    uint64_t key, gas;  /* fingerprints of its input, and of the gas alone; 0: not cached */
     spsi_buffer pairs;
-    spsi_buffer prints; /* with a key: fingerprints per face and tile */
 } spsi_shadow_table;
 
 struct sps_tmap {
@@ -13480,17 +13442,6 @@ struct sps_tmap {
     spsi_added added; /* until the map is finished */
     spsi_tmap_data data;
 };
-
-static spsi_tile_fingerprints *spsi_table_fingerprints(const spsi_shadow_table *table, int face, int row, int column) {
-    const int columns = spsi_tile_columns(&table->grid.rays[0]), rows = spsi_tile_rows(&table->grid.rays[0]);
-    spsi_tile_fingerprints *prints = (spsi_tile_fingerprints *)table->prints.data;
-    return prints ? prints + ((size_t)face * (size_t)rows + (size_t)row) * (size_t)columns + column : NULL;
-}
-
-static uint64_t spsi_table_patches(const spsi_shadow_table *table, int row, int column) {
-    return spsi_patch_box(0, 0, table->grid.rays[0].width - 1 - column * SPSI_TILE_WIDTH,
-                          table->grid.rays[0].height - 1 - row * SPSI_TILE_HEIGHT);
-}
 
 SPSI_COLD size_t spsi_tmap_item_count(const sps_tmap *map) {
     return ((const uint32_t *)map->data.starts.data)[spsi_light_grid_texels(&map->grid)];
@@ -13767,7 +13718,6 @@ typedef struct spsi_filling {
 typedef struct spsi_map_tile {
     const spsi_filling *filling;
     int x0, y0, width, height;
-    uint64_t open; /* mask of patches to fill */
     size_t stride;
     float *ranges, *sums;
 } spsi_map_tile;
@@ -13783,11 +13733,7 @@ SPSI_COLD size_t spsi_band_floats(const sps_tmap *map, int components) {
 }
 
 static void spsi_map_tile_place(const spsi_filling *filling, int column, spsi_map_tile *into) {
-    const spsi_shadow_table *table = filling->map->table;
-    const spsi_tile_fingerprints *prints =
-        table ? spsi_table_fingerprints(table, filling->band.face, filling->band.row, column) : NULL;
     into->filling = filling;
-    into->open = prints ? prints->open : ~UINT64_C(0);
     into->x0 = column * SPSI_TILE_WIDTH;
     into->y0 = filling->band.row * SPSI_TILE_HEIGHT;
     into->width = spsi_imin(SPSI_TILE_WIDTH, filling->map->grid.rays[0].width - into->x0);
@@ -13796,10 +13742,6 @@ static void spsi_map_tile_place(const spsi_filling *filling, int column, spsi_ma
     const size_t before = (size_t)into->x0 * (size_t)into->height + (size_t)column * SPSI_LANES;
     into->ranges = filling->band.ranges ? filling->band.ranges + 2 * before : NULL; /* lists have none */
     into->sums = filling->band.sums ? filling->band.sums + (size_t)filling->map->inner.components * before : NULL;
-}
-
-static int spsi_map_tile_is_open(const spsi_map_tile *into, int x0, int y0, int x1, int y1) {
-    return (into->open & spsi_patch_box(x0 - into->x0, y0 - into->y0, x1 - into->x0, y1 - into->y0)) != 0;
 }
 
 static size_t spsi_map_tile_texel(const spsi_map_tile *into, int x, int y) {
@@ -13961,7 +13903,6 @@ static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sph
 static void spsi_insert_sphere(const spsi_map_tile *into, const spsi_sphere *sphere) {
     const int x0 = spsi_imax(sphere->x0, into->x0), x1 = spsi_imin(sphere->x1, into->x0 + into->width - 1);
     const int y0 = spsi_imax(sphere->y0, into->y0), y1 = spsi_imin(sphere->y1, into->y0 + into->height - 1);
-    if (x0 > x1 || y0 > y1 || !spsi_map_tile_is_open(into, x0, y0, x1, y1)) return;
     for (int y = y0; y <= y1; ++y)
         for (int x = x0; x <= x1; x += SPSI_LANES) spsi_insert_chords(into, sphere, x, y, x1);
 }
@@ -14051,9 +13992,8 @@ static void spsi_insert_slabs(const spsi_map_tile *into, const spsi_tile *tile) 
             const size_t from = (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
             const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
             const spsi_row_slabs slabs = spsi_row_slabs_at(shader, x, y);
-            const int open = spsi_map_tile_is_open(into, x, y, x + SPSI_LANES - 1, y);
             const spsi_m here = spsi_less(at, spsi_set((float)(into->x0 + into->width) - 0.5f));
-            for (int k = 0; k < SPSI_CHUNK && open; ++k) {
+            for (int k = 0; k < SPSI_CHUNK; ++k) {
                 const double u = filling->slab_u + (first_slab + k) * filling->u_per_slab;
                 spsi_v depth = spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size, &slabs);
                 depth = spsi_select(here, spsi_min(depth, spsi_set(SPSI_DEPTH_MAX)), spsi_set(0));
@@ -14072,9 +14012,7 @@ static void spsi_fill_volumes_task(void *data, int index, int worker) {
     spsi_map_tile into;
     spsi_tile tile;
     spsi_map_tile_place(filling, index, &into);
-    if (!into.open) return;
     spsi_tile_place(&volumes->target, index, filling->band.row, worker, &tile);
-    tile.open = into.open;
     if (spsi_tile_splat(&volumes->target, &volumes->contents, index, filling->band.row, &tile))
         spsi_insert_slabs(&into, &tile);
 }
@@ -14119,7 +14057,6 @@ static void spsi_store_task(void *data, int index) {
     for (int i = 0; i < into.width * into.height; ++i) {
         const int x = into.x0 + i % into.width, y = into.y0 + i / into.width;
         const size_t texel = spsi_map_tile_texel(&into, x, y);
-        if (!spsi_map_tile_is_open(&into, x, y, x, y)) continue;
         if (map->table) {
             const int row = (int)(texel / (size_t)map->grid.rays[0].width);
             spsi_shadow_table_store(map->table, x, row, into.sums + i, into.stride);
@@ -14484,10 +14421,11 @@ static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
     return hash;
 }
 
-/* Hash of rays and planes. */
-SPSI_COLD uint64_t spsi_shadow_table_aim_fingerprint(const spsi_shadow_table *table) {
+/* Hash of a table's input; 0 if the gas has none. */
+SPSI_COLD uint64_t spsi_shadow_table_key(const spsi_frame *frame, const spsi_shadow_table *table, uint64_t gas) {
+    const double knobs[] = {frame->view.slab_thickness, frame->accuracy.cut, (double)frame->view.filling};
     const double range[] = {table->grid.near_depth, table->grid.far_depth, (double)table->end};
-    uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, range, sizeof range);
+    uint64_t hash = spsi_fingerprint(spsi_fingerprint(gas, knobs, sizeof knobs), range, sizeof range);
     hash = spsi_fingerprint(hash, &table->planes, sizeof table->planes);
     for (int face = 0; face < table->grid.face_count; ++face) {
         const spsi_rays *rays = &table->grid.rays[face];
@@ -14496,120 +14434,20 @@ SPSI_COLD uint64_t spsi_shadow_table_aim_fingerprint(const spsi_shadow_table *ta
         hash = spsi_fingerprint(hash, shape, sizeof shape);
         for (int i = 0; i < 4; ++i) hash = spsi_fingerprint(hash, vectors[i], 3 * sizeof(double));
     }
-    return hash;
+    return gas ? hash | 1 : 0;
 }
 
-/* Hash of a table's input; 0 if the gas has none. */
-SPSI_COLD uint64_t spsi_shadow_table_key(const spsi_frame *frame, uint64_t aim, uint64_t gas) {
-    const double knobs[] = {frame->view.slab_thickness, frame->accuracy.cut, (double)frame->view.filling};
-    return gas ? spsi_fingerprint_word(spsi_fingerprint(gas, knobs, sizeof knobs), aim) | 1 : 0;
-}
-
-typedef struct spsi_fingerprint_job {
-    const spsi_filling *filling;
-    uint64_t start; /* the face's slabs and kernels */
-    uint64_t media[SPSI_VOLUMES_MAX];
-} spsi_fingerprint_job;
-
-/* Mixes a fingerprint into patches that a box meets, in texels of the tile. */
-static void spsi_fingerprint_patches(uint64_t prints[64], int x0, int y0, int x1, int y1, uint64_t print) {
-    for (int row = spsi_patch_at(y0); row <= spsi_patch_at(y1); ++row)
-        for (int column = spsi_patch_at(x0); column <= spsi_patch_at(x1); ++column)
-            prints[8 * row + column] = spsi_fingerprint_word(prints[8 * row + column], print);
-}
-
-static void spsi_fingerprint_bricks(const spsi_fingerprint_job *job, int column, int row, uint64_t prints[64]) {
-    const spsi_map_volumes *volumes = job->filling->occluders->volumes;
-    const sps_context *context = job->filling->context;
-    const uint64_t *voxels = (const uint64_t *)context->buffers[SPSI_BUFFER_BRICK_FINGERPRINTS].data;
-    const int x = column * SPSI_TILE_WIDTH, y = row * SPSI_TILE_HEIGHT;
-    for (int i = 0; i < context->brick_count && volumes; ++i) {
-        const int16_t *box = volumes->target.brick_boxes[i];
-        const int lattice = volumes->contents.list[i].lattice;
-        if (volumes->target.channels[lattice] < 0 || !spsi_box_meets_tile(box, column, row)) continue;
-        spsi_fingerprint_patches(prints, box[0] - x, box[1] - y, box[2] - x, box[3] - y,
-                                 spsi_fingerprint_word(job->media[lattice], voxels[i]));
-    }
-}
-
-static void spsi_fingerprint_spheres(const spsi_fingerprint_job *job, int column, int row, uint64_t prints[64]) {
-    const spsi_occluders *occluders = job->filling->occluders;
-    const int tile = row * job->filling->band.tiles_x + column;
-    const int x = column * SPSI_TILE_WIDTH, y = row * SPSI_TILE_HEIGHT;
-    const uint32_t count = spsi_tile_sphere_count(occluders, tile);
-    for (uint32_t i = 0; i < count; ++i) {
-        const int number = (int)spsi_tile_sphere(occluders, tile, i);
-        const spsi_sphere *sphere = &occluders->spheres[number];
-        if (sphere->x1 < spsi_imax(x, sphere->x0) || sphere->x0 >= x + SPSI_TILE_WIDTH) continue;
-        if (sphere->y1 < spsi_imax(y, sphere->y0) || sphere->y0 >= y + SPSI_TILE_HEIGHT) continue;
-        uint64_t print = spsi_fingerprint(SPSI_FINGERPRINT_START, &occluders->frame->content->particles[number],
-                                          sizeof(sps_particle));
-        print = spsi_set_fingerprint(print, spsi_set_of(occluders->frame, number));
-        spsi_fingerprint_patches(prints, sphere->x0 - x, sphere->y0 - y, sphere->x1 - x, sphere->y1 - y, print);
-    }
-}
-
-/* Fingerprints a tile in filling order, and opens changed patches. */
-static void spsi_fingerprint_task(void *data, int index) {
-    const spsi_fingerprint_job *job = (const spsi_fingerprint_job *)data;
-    const spsi_filling *filling = job->filling;
-    const int column = index % filling->band.tiles_x, row = index / filling->band.tiles_x;
-    const spsi_shadow_table *table = filling->map->table;
-    spsi_tile_fingerprints *held = spsi_table_fingerprints(table, filling->band.face, row, column);
-    uint64_t prints[64];
-    for (int i = 0; i < 64; ++i) prints[i] = job->start;
-    spsi_fingerprint_bricks(job, column, row, prints);
-    spsi_fingerprint_spheres(job, column, row, prints);
-    held->open = 0;
-    for (int i = 0; i < 64; ++i) held->open |= (uint64_t)(!table->updates || held->patches[i] != prints[i]) << i;
-    held->open &= spsi_table_patches(table, row, column);
-    memcpy(held->patches, prints, sizeof prints);
-}
-
-/* Bricks and spheres must be binned. */
-SPSI_COLD void spsi_fingerprint_face(const spsi_filling *filling) {
-    const spsi_frame *frame = filling->occluders->frame;
-    const spsi_map_volumes *volumes = filling->occluders->volumes;
-    spsi_fingerprint_job job;
-    job.filling = filling;
-    job.start = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->accuracy.cut, sizeof frame->accuracy.cut);
-    for (int i = 0; i < frame->medium_count && volumes; ++i) {
-        const int gathers = spsi_gathers(volumes->target.verdicts[i]);
-        const int way = gathers ? volumes->target.samplers[i].rays + 128 * volumes->target.samplers[i].level : 0;
-        job.media[i] = spsi_fingerprint_word(spsi_medium_fingerprint(frame, i), (uint64_t)way);
-        job.media[i] = spsi_fingerprint(job.media[i], &frame->content->levels[i], sizeof(float));
-    }
-    if (volumes) {
-        job.start = spsi_fingerprint(job.start, &volumes->slabs.start, sizeof volumes->slabs.start);
-        job.start = spsi_fingerprint(job.start, &volumes->slabs.thickness, sizeof volumes->slabs.thickness);
-    }
-    spsi_parallel_items(filling->context, filling->band.tiles_x * spsi_tile_rows(&filling->map->grid.rays[0]),
-                        spsi_fingerprint_task, &job);
-}
-
-/* `held`: 1 if all patches were kept. */
+/* `held`: 1 if it was cached. */
 SPSI_COLD void spsi_shadow_table_count(sps_context *context, const spsi_shadow_table *table, int held) {
-    const int columns = spsi_tile_columns(&table->grid.rays[0]), rows = spsi_tile_rows(&table->grid.rays[0]);
-    for (int tile = 0; tile < table->grid.face_count * rows * columns; ++tile) {
-        const int column = tile % columns, row = tile / columns % rows;
-        const spsi_tile_fingerprints *prints = spsi_table_fingerprints(table, tile / columns / rows, row, column);
-        const uint64_t all = spsi_table_patches(table, row, column);
-        const uint64_t made = held ? 0 : prints ? prints->open : all;
-        context->stats.table_patches_made += (uint64_t)spsi_bit_count(made);
-        context->stats.table_patches_held += (uint64_t)spsi_bit_count(all & ~made);
-    }
+    const spsi_rays *rays = &table->grid.rays[0];
+    const uint64_t columns = (uint64_t)(rays->width + SPSI_PATCH - 1) / SPSI_PATCH;
+    const uint64_t rows = (uint64_t)(rays->height + SPSI_PATCH - 1) / SPSI_PATCH;
+    *(held ? &context->stats.table_patches_held : &context->stats.table_patches_made) +=
+        (uint64_t)table->grid.face_count * columns * rows;
+    *(held ? &context->stats.tables_held : &context->stats.tables_made) += 1;
 }
 
 /* --- filling a face, and the whole map --- */
-
-SPSI_COLD int spsi_band_is_closed(const spsi_filling *filling) {
-    for (int column = 0; column < filling->band.tiles_x; ++column) {
-        spsi_map_tile into;
-        spsi_map_tile_place(filling, column, &into);
-        if (into.open) return 0;
-    }
-    return 1;
-}
 
 SPSI_COLD sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluders) {
     sps_tmap *map = filling->map;
@@ -14626,9 +14464,7 @@ SPSI_COLD sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occlu
         filling->slab_u = (slabs->start - spsi_dot(slabs->normal, rays->origin)) * per_depth -
                           map->grid.near_depth * map->grid.per_depth;
     }
-    if (map->table && map->table->prints.data) spsi_fingerprint_face(filling);
     for (filling->band.row = 0; filling->band.row < rows; ++filling->band.row) {
-        if (spsi_band_is_closed(filling)) continue;
         filling->progress = spsi_call_stage_done(
             &occluders->part, (filling->band.face + (double)filling->band.row / rows) / map->grid.face_count);
         filling->band.first_texel =
@@ -14948,31 +14784,23 @@ SPSI_COLD sps_result spsi_shadow_table_aim(sps_context *context, const spsi_fram
     return spsi_shadow_table_resolve(context, &light->map, table);
 }
 
-SPSI_COLD void spsi_shadow_table_release(sps_context *context, spsi_shadow_table *table) {
-    spsi_buffer_release(context, &table->pairs);
-    spsi_buffer_release(context, &table->prints);
-}
-
 static void spsi_shadow_tables_drop(sps_context *context, spsi_buffer_id id, int *count) {
     spsi_shadow_table *held = (spsi_shadow_table *)context->buffers[id].data;
-    for (int i = 0; i < *count; ++i) spsi_shadow_table_release(context, &held[i]);
+    for (int i = 0; i < *count; ++i) spsi_buffer_release(context, &held[i].pairs);
     *count = 0;
 }
 
-/* Takes a cached table with equal rays, to be updated if its gas differs. All cached tables show the same gas. */
+/* Takes a cached table of equal input. */
 SPSI_COLD void spsi_shadow_table_take(sps_context *context, spsi_shadow_table *table) {
     spsi_shadow_table *held = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
-    int i = 0;
-    while (i < context->shadow_table_count && !(held[i].pairs.data && held[i].aim == table->aim)) ++i;
-    if (i == context->shadow_table_count || !table->key) return;
-    table->is_made = held[i].key == table->key;
-    table->updates = !table->is_made;
-    table->pairs = held[i].pairs;
-    table->prints = held[i].prints;
-    memset(&held[i], 0, sizeof held[i]);
-    if (!table->is_made) return;
-    context->stats.tables_held += 1;
-    spsi_shadow_table_count(context, table, 1);
+    for (int i = 0; i < context->shadow_table_count && table->key && !table->is_made; ++i) {
+        if (held[i].gas != table->gas) spsi_buffer_release(context, &held[i].pairs); /* outdated */
+        if (!held[i].pairs.data || held[i].key != table->key) continue;
+        table->is_made = 1;
+        table->pairs = held[i].pairs;
+        memset(&held[i], 0, sizeof held[i]);
+        spsi_shadow_table_count(context, table, 1);
+    }
 }
 
 /* Starts from a cached table, if any. `gas`: its fingerprint. Maps of other techniques are not cached. */
@@ -14984,8 +14812,8 @@ SPSI_COLD sps_result spsi_shadow_table_begin(sps_context *context, const spsi_fr
     if (spsi_shadow_table_blocks(&table->grid) * table->planes > SPSI_SHADOW_TABLE_BLOCKS_MOST)
         return spsi_fail_member(&at, SPS_ERROR_MEMORY, "components", table->planes,
                                 "a table of this size would have more than 2^28 entries");
-    table->aim = spsi_shadow_table_aim_fingerprint(table);
-    table->key = spsi_shadow_table_key(frame, table->aim, gas);
+    table->gas = gas;
+    table->key = spsi_shadow_table_key(frame, table, gas);
     spsi_shadow_table_take(context, table);
     return SPS_OK;
 }
@@ -15021,24 +14849,14 @@ SPSI_COLD sps_result spsi_shadow_table_evaluate(const spsi_light *light, spsi_oc
     return map->context->result;
 }
 
-SPSI_COLD sps_result spsi_shadow_table_reserve(sps_context *context, spsi_shadow_table *table) {
-    const size_t entries = (size_t)spsi_shadow_table_blocks(&table->grid) * SPSI_SHADOW_TABLE_TEXELS;
-    const spsi_rays *rays = &table->grid.rays[0];
-    const size_t tiles = (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays);
-    if (!spsi_buffer_reserve(context, &table->pairs, entries * (size_t)table->planes, sizeof(uint32_t)) ||
-        !table->key || spsi_brick_fingerprints(context))
-        return context->result;
-    spsi_buffer_reserve(context, &table->prints, (size_t)table->grid.face_count * tiles,
-                        sizeof(spsi_tile_fingerprints));
-    return context->result;
-}
-
 /* `occluders` is zero but for its frame and call stage. */
 SPSI_COLD sps_result spsi_shadow_table_fill(sps_context *context, const spsi_light *light, spsi_occluders *occluders,
                                             spsi_shadow_table *table) {
     sps_tmap map;
     if (table->is_made) return SPS_OK;
-    if (spsi_shadow_table_reserve(context, table)) return context->result;
+    const size_t entries = (size_t)spsi_shadow_table_blocks(&table->grid) * SPSI_SHADOW_TABLE_TEXELS;
+    if (!spsi_buffer_reserve(context, &table->pairs, entries * (size_t)table->planes, sizeof(uint32_t)))
+        return context->result;
     memset(&map, 0, sizeof map);
     map.context = context;
     map.light = light->index;
@@ -15100,9 +14918,7 @@ SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *
     *held = 2 * sizeof(spsi_shadow_table) + (texels + 1) * planes * sizeof(float); /* also the cached table */
     *held += SPSI_CUBE_FACES * SPSI_SHADOW_TABLE_SIDE * (side + 16) * planes * sizeof(float); /* blocks beyond edges */
     *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
-    if (is_table)
-        *held += SPSI_CUBE_FACES * tiles * tiles * sizeof(spsi_tile_fingerprints);
-    else
+    if (!is_table)
         *filling += (texels + 1) * (lists ? 1 : components) * sizeof(float);
     *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
     *filling += frame->particles.count * (sizeof(spsi_sphere) + (SPSI_SPHERE_TILES + (size_t)lists) * sizeof(uint32_t));
@@ -16948,7 +16764,6 @@ SPSI_COLD sps_result spsi_shadow_table_make(sps_context *context, const spsi_fra
     if (spsi_shadow_table_fill(context, light, &occluders, table)) return context->result;
     table->is_made = 1;
     if (!spsi_has_shadow_table(light)) return SPS_OK;
-    context->stats.tables_made += 1;
     spsi_shadow_table_count(context, table, 0);
     return SPS_OK;
 }
@@ -16992,7 +16807,7 @@ SPSI_COLD void spsi_shadow_tables_release(sps_context *context, const spsi_shado
         if (!context->result && table->key && table->pairs.data)
             held[context->shadow_table_count++] = *table;
         else
-            spsi_shadow_table_release(context, table);
+            spsi_buffer_release(context, &table->pairs);
         ++table;
     }
 }
@@ -22845,7 +22660,7 @@ SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage 
             spsi_parallel_items(context, rows, spsi_cells_light_task, job);
     }
     for (int i = 0; i < count; ++i)
-        if (!tables[i].waits) spsi_shadow_table_release(context, &tables[i]);
+        if (!tables[i].waits) spsi_buffer_release(context, &tables[i].pairs);
     return context->result;
 }
 
@@ -24525,7 +24340,7 @@ SPSI_COLD int spsi_table_is_cached(sps_context *context, const spsi_frame *frame
     spsi_shadow_table table;
     if (!gas || !spsi_has_shadow_table(light) || context->shadow_table_count == 0) return 0;
     if (spsi_shadow_table_aim(context, frame, light, &table)) return 0;
-    const uint64_t key = spsi_shadow_table_key(frame, spsi_shadow_table_aim_fingerprint(&table), gas);
+    const uint64_t key = spsi_shadow_table_key(frame, &table, gas);
     for (int i = 0; i < context->shadow_table_count; ++i)
         if (held[i].key == key) return 1;
     return 0;
@@ -25660,8 +25475,8 @@ SPSI_COLD void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const sp
 }
 
 /* Maps coexist, but are filled one by one. */
-SPSI_COLD void spsi_plan_tmaps(const spsi_frame *frame, uint64_t bricks, sps_plan_report *report) {
-    size_t most = 0, prints = 0;
+SPSI_COLD void spsi_plan_tmaps(const spsi_frame *frame, sps_plan_report *report) {
+    size_t most = 0;
     for (int i = 0; i < frame->lights.count; ++i) {
         const spsi_light *light = &frame->lights.list[i];
         size_t held, filling;
@@ -25669,9 +25484,8 @@ SPSI_COLD void spsi_plan_tmaps(const spsi_frame *frame, uint64_t bricks, sps_pla
         spsi_light_tmap_bytes(frame, light, &held, &filling);
         report->pass[SPS_PASS_LIGHT_MAPS].bytes += (size_t)spsi_plan_tables(frame, light) * held;
         if (filling > most) most = filling;
-        if (spsi_has_shadow_table(light)) prints = (size_t)bricks * sizeof(uint64_t);
     }
-    report->pass[SPS_PASS_LIGHT_MAPS].bytes += most + prints;
+    report->pass[SPS_PASS_LIGHT_MAPS].bytes += most;
 }
 
 /* Includes lights that may need a sweep. */
@@ -25724,7 +25538,7 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
     if (spsi_plan_aim(context, frame, &rays, &slabs))
         spsi_plan_filling(frame, &rays, &slabs, SPSI_TARGET_SAMPLES, 0, &report->cells_gathered,
                           &report->cells_filling);
-    spsi_plan_tmaps(frame, bricks, report);
+    spsi_plan_tmaps(frame, report);
     for (int i = 0; i < frame->meshes.count && !spsi_faces_cached(context, frame); ++i)
         report->triangle_calls +=
             (frame->meshes.list[i].given.triangle_count + SPSI_TRIANGLE_BATCH - 1) / SPSI_TRIANGLE_BATCH;

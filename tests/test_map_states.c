@@ -399,7 +399,9 @@ static void evaluate(const sps_tmap *map, spsi_shadow_table *table) {
     table->grid = map->grid;
     table->planes = 256;
     table->end = SPSI_LIGHT_END;
-    spsi_shadow_table_reserve(map->context, table);
+    spsi_buffer_reserve(map->context, &table->pairs,
+                        (size_t)spsi_shadow_table_blocks(&table->grid) * SPSI_SHADOW_TABLE_TEXELS * 256,
+                        sizeof(uint32_t));
     for (int row = 0; row < map->grid.rays[0].height * map->grid.face_count; ++row) spsi_evaluate_row_task(&job, row);
 }
 
@@ -436,7 +438,7 @@ static void test_lookups(void) {
             }
             check_lookup(map, &evaluated, (const double(*)[3])points);
         }
-        if (map) spsi_shadow_table_release(context, &evaluated);
+        if (map) spsi_buffer_release(context, &evaluated.pairs);
         sps_tmap_destroy(map);
         sps_destroy(context);
     }

@@ -13791,23 +13791,18 @@ static void spsi_insert_list(const spsi_map_tile *into, int x, int y, const spsi
     }
 }
 
-/* True if this visit finds ranges. A single plane, behind all, needs none beforehand. */
-static int spsi_finds_ranges(const spsi_filling *filling) {
-    return filling->visit == SPSI_VISIT_RANGE || (filling->map->has_range && filling->map->inner.components == 1);
-}
-
 /* Inserts intervals from (x, y) on; depth must be 0 beyond the tile's edge. */
 static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_intervals *intervals) {
     const spsi_filling *filling = into->filling;
     const size_t at = (size_t)((y - into->y0) * into->width + (x - into->x0));
-    const int finds_ranges = spsi_finds_ranges(filling);
     spsi_intervals within = *intervals;
-    if (finds_ranges) spsi_insert_range(into, at, intervals);
-    if (filling->visit == SPSI_VISIT_SUMS) {
-        if (filling->map->has_range && !finds_ranges) spsi_intervals_within(into, at, &within);
+    if (filling->visit == SPSI_VISIT_RANGE) {
+        spsi_insert_range(into, at, intervals);
+    } else if (filling->visit == SPSI_VISIT_SUMS) {
+        if (filling->map->has_range) spsi_intervals_within(into, at, &within);
         if (filling->map->technique->insert)
             filling->map->technique->insert(&filling->map->inner, into->sums + at, into->stride, &within);
-    } else if (filling->visit != SPSI_VISIT_RANGE) {
+    } else {
         spsi_insert_list(into, x, y, intervals);
     }
 }
@@ -13960,7 +13955,7 @@ static void spsi_insert_triangles(const spsi_map_tile *into) {
 static void spsi_map_tile_clear(const spsi_map_tile *into) {
     const spsi_filling *filling = into->filling;
     const size_t floats = (size_t)filling->map->inner.components * into->stride;
-    if (spsi_finds_ranges(filling))
+    if (filling->visit == SPSI_VISIT_RANGE)
         for (size_t i = 0; i < into->stride; ++i) into->ranges[i] = 1, into->ranges[into->stride + i] = 0;
     if (filling->visit == SPSI_VISIT_SUMS) memset(into->sums, 0, floats * sizeof(float));
 }
@@ -14085,8 +14080,7 @@ SPSI_COLD sps_result spsi_fill_sums(spsi_filling *filling) {
     filling->band.ranges = (float *)spsi_reserve(filling->context, SPSI_BUFFER_BAND, floats, sizeof(float));
     if (!filling->band.ranges) return filling->context->result;
     filling->band.sums = filling->band.ranges + (map->has_range ? spsi_band_floats(map, 2) : 0);
-    if (map->has_range && map->inner.components > 1 && spsi_fill_band(filling, SPSI_VISIT_RANGE))
-        return filling->context->result;
+    if (map->has_range && spsi_fill_band(filling, SPSI_VISIT_RANGE)) return filling->context->result;
     if (spsi_fill_band(filling, SPSI_VISIT_SUMS)) return filling->context->result;
     spsi_parallel_items(filling->context, filling->band.tiles_x, spsi_store_task, filling);
     return SPS_OK;
@@ -15073,8 +15067,6 @@ static spsi_area spsi_slide_area(const spsi_penumbra *penumbra, const spsi_beam 
 
 /* Linear lookups would blur each sheet by up to a quarter of a squared texel, half as much again as its kernels. */
 
-#define SPSI_ROW_PART 64 /* texels filtered at a time */
-
 /* Texels that accumulate scaled lookups. */
 typedef struct spsi_texel_row {
     int x0, y, count;
@@ -15082,7 +15074,7 @@ typedef struct spsi_texel_row {
     float *out;         /* per texel */
 } spsi_texel_row;
 
-/* Uniform shift: filters rows, then columns. */
+/* Uniform shift. */
 static void spsi_row_add_even(const spsi_texel_grid *grid, const spsi_slide *slide, const spsi_texel_row *to) {
     const float move_x = slide->d[0] * slide->l[0], move_y = slide->d[1] * slide->l[0];
     const int row = to->y + (int)floorf(move_y) - grid->y0 - 1, column = to->x0 + (int)floorf(move_x) - grid->x0 - 1;
@@ -15091,24 +15083,17 @@ static void spsi_row_add_even(const spsi_texel_grid *grid, const spsi_slide *sli
     if (row < 0 || row + 3 >= grid->height || first >= end) return;
     spsi_cubic_weights(spsi_set(move_x - floorf(move_x)), across);
     spsi_cubic_weights(spsi_set(move_y - floorf(move_y)), down);
-    for (int start = first; start < end; start += SPSI_ROW_PART) {
-        const int part = spsi_imin(SPSI_ROW_PART, end - start);
-        const float *from = grid->values + (size_t)row * (size_t)grid->width + (size_t)(column + start);
-        float weighted[SPSI_ROW_PART + 3 + SPSI_LANES]; /* filters reach three texels farther */
-        for (int i = 0; i < part + 3; i += SPSI_LANES) {
-            const int some = spsi_imin(SPSI_LANES, part + 3 - i);
-            spsi_v value = spsi_set(0);
-            for (int r = 0; r < 4; ++r)
-                value = spsi_fma(down[r], spsi_load_first(from + (size_t)r * (size_t)grid->width + i, some), value);
-            spsi_store(weighted + i, value);
+    for (int i = first; i < end; i += SPSI_LANES) {
+        const int some = spsi_imin(SPSI_LANES, end - i);
+        const float *from = grid->values + (size_t)row * (size_t)grid->width + (size_t)(column + i);
+        spsi_v sum = spsi_set(0);
+        for (int r = 0; r < 4; ++r, from += grid->width) {
+            spsi_v value = spsi_mul(across[0], spsi_load_first(from, some));
+            for (int c = 1; c < 4; ++c) value = spsi_fma(across[c], spsi_load_first(from + c, some), value);
+            sum = spsi_fma(down[r], value, sum);
         }
-        for (int i = 0; i < part; i += SPSI_LANES) {
-            const int some = spsi_imin(SPSI_LANES, part - i);
-            spsi_v sum = spsi_mul(across[0], spsi_load(weighted + i));
-            for (int c = 1; c < 4; ++c) sum = spsi_fma(across[c], spsi_load(weighted + i + c), sum);
-            if (to->scale) sum = spsi_mul(sum, spsi_load_first(to->scale + start + i, some));
-            spsi_store_first(to->out + start + i, spsi_add(sum, spsi_load_first(to->out + start + i, some)), some);
-        }
+        if (to->scale) sum = spsi_mul(sum, spsi_load_first(to->scale + i, some));
+        spsi_store_first(to->out + i, spsi_add(sum, spsi_load_first(to->out + i, some)), some);
     }
 }
 

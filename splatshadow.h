@@ -16286,14 +16286,18 @@ SPSI_COLD void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
 
 /* --- lookup --- */
 
-/* Arguments of spsi_quads_build. */
+/* Argument i of spsi_quads_build is row . (point - light) less what is returned. */
+static double spsi_light_grid_row(const spsi_light_grid *grid, int i, double row[3]) {
+    const int whole = grid->face_count > 1;
+    for (int k = 0; k < 3; ++k) row[k] = whole ? k == i : grid->rays[0].inverse[i][k];
+    return i == 2 && !whole ? grid->rays[0].depth_reference : 0;
+}
+
 SPSI_COLD void spsi_light_grid_follow(const spsi_rays *eye, const spsi_light_grid *grid, spsi_linear along[3]) {
-    const spsi_rays *rays = &grid->rays[0];
     for (int i = 0; i < 3; ++i) {
-        const double axis[3] = {(double)(i == 0), (double)(i == 1), (double)(i == 2)};
-        const int whole = grid->face_count > 1;
-        spsi_linear_build(eye, whole ? axis : rays->inverse[i], rays->origin,
-                          i == 2 && !whole ? -rays->depth_reference : 0, &along[i]);
+        double row[3];
+        const double less = spsi_light_grid_row(grid, i, row);
+        spsi_linear_build(eye, row, grid->rays[0].origin, -less, &along[i]);
     }
 }
 
@@ -16373,12 +16377,13 @@ static spsi_v spsi_planes_lookup(const spsi_planes *planes, const spsi_v q[2], s
     return spsi_mix(before, after, spsi_sub(slab, k));
 }
 
-/* Coordinates of points along `row` from an origin. */
-static void spsi_points_along(const spsi_points *points, const double row[3], const double from[3],
-                              double along[SPSI_LANES]) {
+/* row . (point - from) - less. */
+static spsi_v spsi_points_along(const spsi_points *points, const double row[3], const double from[3], double less) {
+    float along[SPSI_LANES];
     for (int n = 0; n < SPSI_LANES; ++n)
-        along[n] = row[0] * (points->at[0][n] - from[0]) + row[1] * (points->at[1][n] - from[1]) +
-                   row[2] * (points->at[2][n] - from[2]);
+        along[n] = (float)(row[0] * (points->at[0][n] - from[0]) + row[1] * (points->at[1][n] - from[1]) +
+                           row[2] * (points->at[2][n] - from[2]) - less);
+    return spsi_load(along);
 }
 
 /* Optical depth; 0 behind the light. */
@@ -16387,21 +16392,14 @@ static spsi_v spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, co
     const spsi_rays *rays = sliced->target.rays;
     const spsi_slabs *slabs = sliced->target.slabs;
     const double start = slabs->start + first_slab * slabs->thickness;
-    const int parallel = !rays->perspective;
-    double q[4][SPSI_LANES]; /* column, row, 1 in front of the light, slab */
-    float at[4][SPSI_LANES];
-    spsi_v texel[2];
-    for (int i = 0; i < 3; ++i) spsi_points_along(points, rays->inverse[i], rays->origin, q[i]);
-    spsi_points_along(points, slabs->normal, zero, q[3]);
-    for (int n = 0; n < SPSI_LANES; ++n) {
-        const double t = parallel ? 1 : q[2][n], by = t > 0 ? t : 1;
-        at[0][n] = (float)spsi_dmin(spsi_dmax(q[0][n] / by, -1), rays->width);
-        at[1][n] = (float)spsi_dmin(spsi_dmax(q[1][n] / by, -1), rays->height);
-        at[2][n] = t > 0 ? 1 : 0;
-        at[3][n] = (float)spsi_dmin(spsi_dmax((q[3][n] - start) / slabs->thickness, 0), SPSI_CHUNK);
-    }
-    texel[0] = spsi_load(at[0]), texel[1] = spsi_load(at[1]);
-    return spsi_mul(spsi_load(at[2]), spsi_planes_lookup(&sliced->planes, texel, spsi_load(at[3])));
+    spsi_v q[3], texel[2];
+    for (int i = 0; i < 3; ++i) q[i] = spsi_points_along(points, rays->inverse[i], rays->origin, 0);
+    spsi_sliced_project(sliced, q, texel);
+    const spsi_v per_slab = spsi_set((float)(1 / slabs->thickness));
+    spsi_v slab = spsi_mul(spsi_points_along(points, slabs->normal, zero, start), per_slab);
+    slab = spsi_clamp(slab, spsi_set(0), spsi_set(SPSI_CHUNK));
+    const spsi_v depth = spsi_planes_lookup(&sliced->planes, texel, slab);
+    return rays->perspective ? spsi_select(spsi_less(spsi_set(0), q[2]), depth, spsi_set(0)) : depth;
 }
 
 static void spsi_points_get(const spsi_points *points, int n, double point[3]) {
@@ -16409,17 +16407,11 @@ static void spsi_points_get(const spsi_points *points, int n, double point[3]) {
 }
 
 static spsi_v spsi_shadow_table_surfaces(const spsi_shadow_table *table, const spsi_points *points) {
-    const spsi_rays *rays = &table->grid.rays[0];
     spsi_v at[3];
     for (int i = 0; i < 3; ++i) {
-        const double axis[3] = {(double)(i == 0), (double)(i == 1), (double)(i == 2)};
-        const int whole = table->grid.face_count > 1;
-        const double reference = i == 2 && !whole ? rays->depth_reference : 0;
-        double along[SPSI_LANES];
-        float lanes[SPSI_LANES];
-        spsi_points_along(points, whole ? axis : rays->inverse[i], rays->origin, along);
-        for (int n = 0; n < SPSI_LANES; ++n) lanes[n] = (float)(along[n] - reference);
-        at[i] = spsi_load(lanes);
+        double row[3];
+        const double less = spsi_light_grid_row(&table->grid, i, row);
+        at[i] = spsi_points_along(points, row, table->grid.rays[0].origin, less);
     }
     return spsi_shadow_table_lookup(table, at);
 }

@@ -14977,7 +14977,6 @@ typedef struct spsi_beam {
     float *stop;       /* slab coordinate of the first polygon; NULL: no polygons */
     float first_stop;  /* least `stop` */
     spsi_area stops;   /* texels with polygons, widened by the reach of cubics */
-    spsi_area crossed; /* texels that may meet media or polygons so far, with offset x0, y0 */
 } spsi_beam;
 
 typedef struct spsi_penumbra {
@@ -15245,7 +15244,6 @@ static void spsi_beam_stop(sps_context *context, const spsi_faces *faces, spsi_b
             at.x1 = at.x0 + 6, at.y1 = at.y0 + 6;
             beam->stops = spsi_area_join(beam->stops, at);
         }
-    beam->crossed = beam->stops;
 }
 
 static sps_result spsi_penumbra_open(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
@@ -15291,7 +15289,7 @@ static uint64_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra 
         beam->start = spsi_lay(memory, &laid, texels);
         beam->stop = has_polygons ? spsi_lay(memory, &laid, texels) : NULL;
         beam->first_stop = SPSI_INFINITY;
-        beam->crossed = beam->stops = spsi_area_none();
+        beam->stops = spsi_area_none();
         most = texels > most ? texels : most;
     }
     penumbra->sheets = spsi_lay(memory, &laid, sheets);
@@ -15491,11 +15489,9 @@ static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam *beam,
     }
 }
 
-/* Returns 0, adding nothing, if the beam passes unhindered. */
-static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area area, float *memory) {
+static void spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area area, float *memory) {
     const double slab = penumbra->first_slab + penumbra->plane;
     spsi_slide slide;
-    if (spsi_area_empty(spsi_area_meet(spsi_slide_area(penumbra, beam, slab, slab, -1, area), beam->crossed))) return 0;
     spsi_slide_build(penumbra, beam, slab, -1, &slide);
     for (int y = area.y0; y <= area.y1; ++y) {
         const spsi_tile_row row = spsi_tile_row_at(penumbra, area, y);
@@ -15503,17 +15499,15 @@ static int spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, s
     }
     if (penumbra->plane < SPSI_CHUNK && (double)beam->first_stop < slab + 1)
         spsi_beam_hide(penumbra, beam, area, memory, memory + SPSI_BEAM_TILE);
-    return 1;
 }
 
-/* Turns sums over beams into the fraction stopped in each layer and the optical depth at the plane. `open`: number of
-   beams that pass unhindered. */
-static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, int open, const spsi_tile_row *row, int layers) {
+/* Turns sums over beams into the fraction stopped in each layer and the optical depth at the plane. */
+static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, const spsi_tile_row *row, int layers) {
     const spsi_v all = spsi_set((float)penumbra->beam_count), one = spsi_set(1);
     float *plane = penumbra->planes[penumbra->plane] + row->texel;
     for (int x = 0; x < row->count; x += SPSI_LANES) {
         const int some = spsi_imin(SPSI_LANES, row->count - x);
-        const spsi_v passes = spsi_add(spsi_load_first(plane + x, some), spsi_set((float)open));
+        const spsi_v passes = spsi_load_first(plane + x, some);
         const spsi_v per_passed = spsi_div(one, spsi_max(passes, spsi_set(1e-30f)));
         for (int n = 0; n < layers; ++n) {
             float *stopped = spsi_penumbra_layer(penumbra, n) + row->texel + x;
@@ -15528,7 +15522,6 @@ static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, int open, co
 static void spsi_penumbra_plane_task(void *data, int index, int worker) {
     const spsi_penumbra *penumbra = (const spsi_penumbra *)data;
     const int layers = penumbra->hidden && penumbra->plane < SPSI_CHUNK ? SPSI_SUBSLABS : 0;
-    int open = penumbra->beam_count;
     if (penumbra->plane == 0) penumbra->looked_up[index] = spsi_penumbra_reach(penumbra, index);
     const spsi_area area = penumbra->looked_up[index];
     for (int pass = 0; pass < 2; ++pass) {
@@ -15538,11 +15531,11 @@ static void spsi_penumbra_plane_task(void *data, int index, int worker) {
             for (int n = 0; n < layers && pass == 0; ++n)
                 memset(spsi_penumbra_layer(penumbra, n) + row.texel, 0, bytes);
             if (pass == 0) memset(penumbra->planes[penumbra->plane] + row.texel, 0, bytes);
-            if (pass == 1) spsi_penumbra_finish_row(penumbra, open, &row, layers);
+            if (pass == 1) spsi_penumbra_finish_row(penumbra, &row, layers);
         }
         for (int i = 0; i < penumbra->beam_count && pass == 0 && !spsi_area_empty(area); ++i)
-            open -= spsi_beam_add(penumbra, &penumbra->beams[i], area,
-                                   penumbra->scratch + (size_t)worker * penumbra->scratch_floats);
+            spsi_beam_add(penumbra, &penumbra->beams[i], area,
+                          penumbra->scratch + (size_t)worker * penumbra->scratch_floats);
     }
 }
 
@@ -15586,19 +15579,13 @@ static void spsi_beams_task(void *data, int index) {
 SPSI_COLD void spsi_penumbra_advance(sps_context *context, spsi_penumbra *penumbra, int first_slab,
                                      float *const *planes) {
     const int tiles = penumbra->tiles_x * penumbra->tiles_y;
-    spsi_area held = spsi_area_none(); /* occupied tiles */
-    int most = 0;                      /* rows of the tallest beam */
+    int most = 0; /* rows of the tallest beam */
     penumbra->first_slab = first_slab;
     penumbra->planes = planes;
-    for (int tile = 0; tile < tiles; ++tile)
-        if (penumbra->held[tile]) held = spsi_area_join(held, spsi_tile_area(penumbra, tile));
     for (int i = 0; i < penumbra->beam_count; ++i) {
         spsi_beam *beam = &penumbra->beams[i];
         most = spsi_imax(most, beam->rays.height);
         memcpy(beam->start, beam->depth, spsi_ray_count(&beam->rays) * sizeof *beam->start);
-        if (spsi_area_empty(held)) continue;
-        const spsi_area crossed = spsi_slide_area(penumbra, beam, first_slab, first_slab + SPSI_CHUNK, -1, held);
-        beam->crossed = spsi_area_join(beam->crossed, crossed);
     }
     for (penumbra->plane = 0; penumbra->plane <= SPSI_CHUNK; ++penumbra->plane) {
         spsi_parallel(context, tiles, spsi_penumbra_plane_task, penumbra);

@@ -8464,9 +8464,7 @@ static void spsi_projection_lookup(const spsi_frame *frame, const spsi_light *li
     const spsi_projection *projection = &light->projection;
     const float per_edge = (float)(1 / spsi_dmin(projection->edge[0], projection->edge[1]));
     spsi_v row[3], at[2], way = spsi_set(1), size = spsi_mul(pixel, spsi_set(per_edge));
-    spsi_m ahead = spsi_less(spsi_set(0), way);
     if (light->is_point) {
-        ahead = spsi_less(spsi_set(FLT_MIN), place[2]);
         way = spsi_max(place[2], spsi_set(FLT_MIN));
         size = spsi_div(size, way);
     }
@@ -8477,7 +8475,6 @@ static void spsi_projection_lookup(const spsi_frame *frame, const spsi_light *li
         at[k] = spsi_add(spsi_div(spsi_dot_v(row, place), way), spsi_set((float)projection->add[k]));
     }
     spsi_image_lookup(&frame->content->images[projection->image], at[0], at[1], size, rgb);
-    for (int c = 0; c < 3; ++c) rgb[c] = spsi_select(ahead, rgb[c], spsi_set(0));
 }
 
 static void spsi_projection_at(const spsi_frame *frame, const spsi_light *light, const double point[3], double pixel,
@@ -13930,7 +13927,6 @@ static void spsi_insert_triangle(const spsi_map_tile *into, int number) {
             double w[3], t, u;
             if (!spsi_face_hit(&edges, x, y, w)) continue;
             t = w[0] * edges.depth[0] + w[1] * edges.depth[1] + w[2] * edges.depth[2];
-            if (rays->perspective && !(t + rays->depth_reference > 0)) continue;
             u = t * map->grid.per_depth; /* may lie outside of 0..1 */
             if (!opaque) {
                 const float at = (float)spsi_dmin(spsi_dmax(u, 0), 1);

@@ -16078,7 +16078,6 @@ static spsi_v spsi_spread_flux(const spsi_spread *spread, int channel, const sps
 
 typedef struct spsi_planes {
     float *depth[SPSI_CHUNK + 1]; /* width * height each */
-    int wide;                     /* 1: too large for caches: lookups prefetch */
     int width, height, tiles_x, tiles_y;
     float end;             /* optical depth of early termination */
     int cubic;             /* 1: bicubic lookup, for classified volumes */
@@ -16194,7 +16193,6 @@ SPSI_COLD sps_result spsi_planes_build(sps_context *context, const spsi_frame *f
     float *memory = (float *)(void *)(planes->open + tiles);
     planes->width = rays->width;
     planes->height = rays->height;
-    planes->wide = texels > 16384;
     planes->end = spsi_light_end(frame);
     planes->cubic = frame->matter.classifies && rays->width >= 4 && rays->height >= 4;
     for (int k = 0; k <= SPSI_CHUNK; ++k) planes->depth[k] = memory + (size_t)k * texels;
@@ -16339,16 +16337,6 @@ static spsi_v spsi_sliced_hidden(const spsi_sliced *sliced, const spsi_v at[3], 
     spsi_v q[2];
     spsi_sliced_project(sliced, at, q);
     return spsi_planes_find(&sliced->planes, sliced->penumbra.hidden, k, q);
-}
-
-/* Texels of points, or neighbours within float precision. */
-static inline void spsi_sliced_texels(const spsi_sliced *sliced, const spsi_v at[3], int texels[SPSI_LANES]) {
-    const spsi_planes *planes = &sliced->planes;
-    spsi_v q[2];
-    spsi_sliced_project(sliced, at, q);
-    q[0] = spsi_floor(spsi_clamp(q[0], spsi_set(0), spsi_set((float)(planes->width - 1))));
-    q[1] = spsi_floor(spsi_clamp(q[1], spsi_set(0), spsi_set((float)(planes->height - 2))));
-    spsi_store_int(texels, spsi_fma(q[1], spsi_set((float)planes->width), q[0]));
 }
 
 /* Linear between planes. Mostly all points are in one slab; where the eye sees no media, a whole chunk is shaded
@@ -19377,7 +19365,6 @@ typedef struct spsi_arrival {
     int plane;              /* last plane looked up; -1: none */
     spsi_v plane_light;     /* optical depth there */
     spsi_row_linears linears;  /* arguments of spsi_shadow_lookup */
-    spsi_row_linears ahead;    /* along a row further down */
     spsi_v lit[SPSI_SUBSLABS]; /* lit fraction of each part by polygons; undivided: lit[0] */
 } spsi_arrival;
 
@@ -20117,26 +20104,14 @@ static inline spsi_v spsi_pixels_shadow(const spsi_shadow *shadow, const spsi_pi
     return spsi_shadow_lookup(shadow, at, k);
 }
 
-/* Prefetch distance in rows: enough for memory latency, few enough for a level-2 cache. */
-#define SPSI_PREFETCH_ROWS 8
-
 static void spsi_arrival_begin(const spsi_shadow *shadow, const spsi_pixels *p, spsi_arrival *arrival) {
-    const float y = (float)p->y;
     arrival->plane = -1;
-    spsi_row_linears_build(shadow->along, p->at, y, &arrival->linears);
-    spsi_row_linears_build(shadow->along, p->at, y + SPSI_PREFETCH_ROWS, &arrival->ahead);
+    spsi_row_linears_build(shadow->along, p->at, (float)p->y, &arrival->linears);
 }
 
-/* Planes exceed the cache and rows cross them at a slant, so the texels of a row further down are prefetched. */
 static spsi_v spsi_plane_light(const spsi_shadow *shadow, const spsi_pixels *p, const spsi_arrival *arrival, int k) {
     const spsi_v d = spsi_plane_depth(p, k);
     spsi_v at[3];
-    if (shadow->kind == SPSI_SHADOW_SHEETS && shadow->sliced->planes.wide) {
-        int texels[SPSI_LANES];
-        spsi_row_linears_at(&arrival->ahead, d, at);
-        spsi_sliced_texels(shadow->sliced, at, texels);
-        for (int i = 0; i < SPSI_LANES; ++i) spsi_prefetch(shadow->sliced->planes.depth[k] + texels[i], 1);
-    }
     spsi_row_linears_at(&arrival->linears, d, at);
     return spsi_shadow_lookup(shadow, at, k);
 }
@@ -21898,7 +21873,7 @@ SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_light
     shadow->kind = SPSI_SHADOW_TABLE;
     shadow->table = table;
     if (table->waits) return SPS_OK;
-    if (!light->has_map) return spsi_cells_map(job, light, part, table);
+    if (!spsi_has_shadow_table(light)) return spsi_cells_map(job, light, part, table);
     if (!spsi_shadow_table_begin(job->context, job->frame, light, job->gas, table))
         table->waits = !spsi_shadow_table_make(job->context, job->frame, light, part, table);
     return job->context->result;

@@ -3204,18 +3204,20 @@ static float spsi_steffen(const sps_tmap_settings *settings, const float *texel,
 static void spsi_opacity_depths(const sps_tmap_settings *settings, const spsi_texel *texel, int count, const float *u,
                                 float *depths) {
     const float *values = (const float *)texel->data;
-    float slopes[2] = {0, 0};
-    int i = count > 0 ? spsi_plane_from(settings, u[0]) : 0, has_slopes = 0;
+    int i = count > 0 ? spsi_plane_from(settings, u[0]) : 0;
+    float u0 = 0, u1 = spsi_plane(settings, i), low = 0, per_length = 0, bends[2] = {0, 0}; /* of a cubic from a chord */
     for (int k = 0; k < count; ++k) {
-        for (; i < settings->components - 1 && spsi_plane(settings, i) < u[k]; ++i) has_slopes = 0;
-        for (int end = 0; end < 2 && settings->cubic && !has_slopes; ++end)
-            slopes[end] = spsi_steffen(settings, values, i - 1 + end);
-        has_slopes = 1;
-        const float u0 = spsi_knot_u(settings, i - 1), length = spsi_plane(settings, i) - u0;
-        const float low = i > 0 ? values[i - 1] : 0, rise = values[i] - low, even = spsi_ratio(rise, length);
-        const float t = u[k] < u0 + length ? spsi_ratio(u[k] - u0, length) : 1;
-        const float bend = settings->cubic ? (1 - t) * (slopes[0] - even) - t * (slopes[1] - even) : 0;
-        const float depth = low + t * rise + t * (1 - t) * length * bend;
+        int moved = k == 0;
+        for (; i < settings->components - 1 && u1 < u[k]; moved = 1) u1 = spsi_plane(settings, ++i);
+        if (moved) {
+            u0 = spsi_knot_u(settings, i - 1);
+            low = i > 0 ? values[i - 1] : 0;
+            per_length = spsi_ratio(1, u1 - u0);
+            for (int end = 0; end < 2 && settings->cubic; ++end)
+                bends[end] = spsi_steffen(settings, values, i - 1 + end) * (u1 - u0) - (values[i] - low);
+        }
+        const float t = u[k] < u1 ? (u[k] - u0) * per_length : 1, rest = 1 - t;
+        const float depth = low + t * (values[i] - low + rest * (rest * bends[0] - t * bends[1]));
         depths[k] = u[k] > 0 ? spsi_fmax(spsi_fmin(depth, values[i]), low) : 0;
     }
 }
@@ -13455,11 +13457,12 @@ static spsi_texel spsi_tmap_texel(const sps_tmap *map, size_t index) {
     return texel;
 }
 
-/* u relative to a texel's range; negative before it. */
-static float spsi_tmap_within(const sps_tmap *map, const spsi_texel *texel, float u) {
+/* Makes u relative to a texel's range; negative before it. */
+static void spsi_tmap_within(const sps_tmap *map, const spsi_texel *texel, int count, const float *u, float *within) {
     const float *range = (const float *)texel->data - 2;
-    if (!map->has_range || u < range[0]) return map->has_range ? -1 : u;
-    return u < range[1] ? (u - range[0]) / (range[1] - range[0]) : 1;
+    const float first = map->has_range ? range[0] : 0, last = map->has_range ? range[1] : 1;
+    const float per_length = 1 / spsi_fmax(last - first, FLT_MIN);
+    for (int k = 0; k < count; ++k) within[k] = u[k] < first ? -1 : u[k] < last ? (u[k] - first) * per_length : 1;
 }
 
 #define SPSI_SHADOW_TABLE_PLANES_MOST 1024
@@ -13470,14 +13473,15 @@ static void spsi_tmap_depths(const sps_tmap *map, size_t index, int count, const
     int first = 0;                       /* before it, u lies before the range */
     if (!map->technique->depths) return; /* surfaces alone */
     const spsi_texel texel = spsi_tmap_texel(map, index);
-    for (int k = 0; k < count; ++k) within[k] = spsi_tmap_within(map, &texel, u[k]);
+    spsi_tmap_within(map, &texel, count, u, within);
     for (; first < count && within[first] < 0; ++first) depths[first] = 0;
     map->technique->depths(&map->inner, &texel, count - first, within + first, depths + first);
 }
 
 static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float bounds[2]) {
     const spsi_texel texel = spsi_tmap_texel(map, index);
-    const float within = spsi_tmap_within(map, &texel, u);
+    float within;
+    spsi_tmap_within(map, &texel, 1, &u, &within);
     bounds[0] = 0;
     bounds[1] = within < 0 ? 0 : SPSI_DEPTH_MAX;
     if (within >= 0 && map->technique->bracket) map->technique->bracket(&map->inner, &texel, within, bounds);

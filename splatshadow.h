@@ -1721,7 +1721,6 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_MESHES,
     SPSI_BUFFER_LIGHTS,
     SPSI_BUFFER_LIGHT_POINTS, /* sample points of area lights */
-    SPSI_BUFFER_LIGHT_PLANES, /* planes of lights' opacity maps */
     SPSI_BUFFER_IMAGES,       /* >>projectors */
     SPSI_BUFFER_BLOCKS,       /* voxels, >>gather, or triangles, >>polygons, being read */
     SPSI_BUFFER_BRICKS,
@@ -3793,6 +3792,7 @@ typedef struct spsi_light {
     const spsi_bounds *map_bounds; /* bounds of media that it serves; NULL: all */
     int map_omnidirectional;
     sps_tmap_settings map;         /* technique resolved */
+    float planes[65];              /* copy of the map's, if it has any */
 } spsi_light;
 
 typedef struct spsi_accuracy {
@@ -4911,6 +4911,9 @@ SPSI_COLD void spsi_light_build(const spsi_frame *frame, const sps_light *given,
     if (light->sliced && given->shadow_source == SPS_SHADOW_AUTO) light->choice = SPSI_CHOICE_OPEN;
     memset(&table, 0, sizeof table);
     light->map = spsi_settings_resolve(given->shadow_map ? given->shadow_map : &table, 1);
+    if (light->map.planes)
+        light->map.planes = (const float *)memcpy(light->planes, light->map.planes,
+                                                  (size_t)spsi_settings_planes(&light->map) * sizeof(float));
     light->map_omnidirectional = given->shadow_map_omnidirectional;
     light->map_size = given->shadow_map_resolution > 0 ? given->shadow_map_resolution : frame->view.shadow_resolution;
 }
@@ -4943,23 +4946,6 @@ SPSI_COLD sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame
         points += light->few_count;
     }
     frame->lights.split_points = points;
-    return SPS_OK;
-}
-
-SPSI_COLD sps_result spsi_resolve_planes(sps_context *context, spsi_frame *frame) {
-    size_t count = 0;
-    for (int i = 0; i < frame->lights.count; ++i) count += (size_t)spsi_settings_planes(&frame->lights.list[i].map);
-    if (count == 0) return SPS_OK;
-    float *planes = (float *)spsi_reserve(context, SPSI_BUFFER_LIGHT_PLANES, count, sizeof(float));
-    if (!planes) return context->result;
-    for (int i = 0; i < frame->lights.count; ++i) {
-        sps_tmap_settings *map = &frame->lights.list[i].map;
-        const int own = spsi_settings_planes(map);
-        if (own == 0) continue;
-        memcpy(planes, map->planes, (size_t)own * sizeof *planes);
-        map->planes = planes;
-        planes += own;
-    }
     return SPS_OK;
 }
 
@@ -4997,7 +4983,7 @@ SPSI_COLD sps_result spsi_resolve_lights(sps_context *context, spsi_frame *frame
     }
     spsi_lights_list(lights, lights->whole, lights->whole_count);
     if (lights->count == 0) frame->has_gradients = 0;
-    return spsi_resolve_planes(context, frame) ? context->result : spsi_resolve_points(context, frame);
+    return spsi_resolve_points(context, frame);
 }
 
 /* 1 if all colors are grey, otherwise 3. */
@@ -7921,7 +7907,7 @@ static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft,
 
 /* --- the nearest face on a ray --- */
 
-/* Hits must be more than `rounding` ahead. Sets t and weights on a hit only. */
+/* With `rounding`, hits must be ahead by more than that. Sets t and weights on a hit only. */
 static int spsi_face_meets(const spsi_face *face, const spsi_ray *ray, double rounding, double *t, float weights[2]) {
     const double *d = ray->direction;
     double a[3], b[3], c[3], n[3], room, ab, bc, ac, facing, ahead;
@@ -7935,7 +7921,8 @@ static int spsi_face_meets(const spsi_face *face, const spsi_ray *ray, double ro
     ab = spsi_edge_side(a, b, d), bc = spsi_edge_side(b, c, d), ac = spsi_edge_side(a, c, d);
     facing = spsi_dot(n, d);
     ahead = facing < 0 ? -spsi_dot(n, a) : spsi_dot(n, a);
-    if (!spsi_edges_contain(a, b, c, d, ab, bc, ac) || !(fabs(facing) > 0) || !(ahead > room)) return 0;
+    if (!spsi_edges_contain(a, b, c, d, ab, bc, ac) || !(fabs(facing) > 0)) return 0;
+    if (rounding > 0 && !(ahead > room)) return 0;
     *t = ahead / fabs(facing);
     if (!(*t > ray->low && *t < ray->high) || !(fabs(ab + bc - ac) > 0)) return 0;
     weights[0] = (float)(-ac / (ab + bc - ac));
@@ -25529,6 +25516,13 @@ typedef struct spsi_enclosure {
     double low, high;
 } spsi_enclosure;
 
+/* A ray's way to a light, through medium. */
+typedef struct spsi_shade {
+    spsi_enclosure depth;
+    double way;                                              /* length in the medium's bounds */
+    double half[SPSI_VOLUMES_MAX], middle[SPSI_VOLUMES_MAX]; /* for bounds: integrals of nearby voxels' range */
+} spsi_shade;
+
 /* A pixel's ray. Low and high differ only with bounds. */
 typedef struct spsi_walker {
     spsi_enclosure colors[3];      /* sums over finished samples */
@@ -25573,7 +25567,7 @@ typedef struct spsi_marcher {
     /* After `halvings` halvings. Returns 0 if the rest is hidden. */
     int (*follow)(const struct spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
                   spsi_walker *walker);
-    spsi_enclosure (*shade)(const struct spsi_marcher *marcher, const spsi_light *light, const double point[3]);
+    void (*shade)(const struct spsi_marcher *marcher, int m, const spsi_ray *part, spsi_shade *shade);
 } spsi_marcher;
 
 SPSI_COLD spsi_enclosure spsi_enclosure_of(double low, double high) {
@@ -25640,14 +25634,19 @@ static const float *spsi_vicinity_row(const spsi_dense *grid, const spsi_vicinit
     return grid->values + row * (size_t)grid->size[0] + (size_t)vicinity->first[0];
 }
 
-/* f at a world point; `gradient`: in the world, or NULL. Rows are summed before weighting along x: independent sums are
-   faster. */
-static double spsi_field(const spsi_dense *grid, const double point[3], double gradient[3]) {
+/* f at a world point, from voxels within `reach`. `gradient`: in the world, or NULL. `range`: least and greatest of
+   these voxels, or NULL. Rows are summed before weighting along x: independent sums are faster. */
+static double spsi_field(const spsi_dense *grid, const double point[3], double reach, double gradient[3],
+                         float range[2]) {
     double row[SPSI_REFERENCE_TAPS] = {0}, by_y[SPSI_REFERENCE_TAPS] = {0}, by_z[SPSI_REFERENCE_TAPS] = {0};
+    float low[SPSI_REFERENCE_TAPS], high[SPSI_REFERENCE_TAPS] = {0};
     double sum = 0, g[3] = {0, 0, 0};
     spsi_vicinity v;
     if (gradient) memset(gradient, 0, 3 * sizeof(double));
-    if (!spsi_vicinity_place(grid, point, SPSI_REFERENCE_REACH, gradient != NULL, &v)) return 0;
+    if (range) range[0] = range[1] = 0;
+    if (!spsi_vicinity_place(grid, point, reach, gradient != NULL, &v)) return 0;
+    const int whole = v.count[0] + v.count[1] + v.count[2] == 3 * SPSI_REFERENCE_TAPS; /* 0: 0 beyond the edge */
+    for (int x = 0; x < SPSI_REFERENCE_TAPS; ++x) low[x] = whole ? FLT_MAX : 0;
     for (int z = 0; z < v.count[2]; ++z)
         for (int y = 0; y < v.count[1]; ++y) {
             const float *values = spsi_vicinity_row(grid, &v, y, z);
@@ -25657,9 +25656,16 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double g
                 by_y[x] += v.weights[2][z] * v.slopes[1][y] * (double)values[x];
                 by_z[x] += v.slopes[2][z] * v.weights[1][y] * (double)values[x];
             }
+            for (int x = 0; x < v.count[0] && range; ++x) {
+                low[x] = spsi_fmin(values[x], low[x]);
+                high[x] = spsi_fmax(values[x], high[x]);
+            }
         }
-    for (int x = 0; x < v.count[0]; ++x) sum += v.weights[0][x] * row[x];
-    for (int x = 0; x < v.count[0] && gradient; ++x) {
+    if (range) range[0] = low[0];
+    for (int x = 0; x < v.count[0]; ++x) {
+        sum += v.weights[0][x] * row[x];
+        if (range) range[0] = spsi_fmin(low[x], range[0]), range[1] = spsi_fmax(high[x], range[1]);
+        if (!gradient) continue;
         g[0] += v.slopes[0][x] * row[x];
         g[1] += v.weights[0][x] * by_y[x];
         g[2] += v.weights[0][x] * by_z[x];
@@ -25714,7 +25720,7 @@ static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *
 }
 
 /* Starts at the near plane. Returns length per unit of t. */
-static double spsi_march_ray(const spsi_rays *eye, int x, int y, spsi_ray *ray) {
+static double spsi_march_ray(const spsi_rays *eye, double x, double y, spsi_ray *ray) {
     spsi_ray_point(eye, x, y, 0, ray->origin);
     spsi_ray_direction(eye, x, y, ray->direction);
     const double length = spsi_length(ray->direction);
@@ -25826,23 +25832,29 @@ static double spsi_extinction_at(const spsi_material *material, double f, float 
     return (double)spsi_one(out[3]);
 }
 
-static spsi_enclosure spsi_march_light(const spsi_marcher *marcher, const spsi_light *light, const double point[3]) {
-    double range[2], depths[SPSI_SETS_MAX], depth;
+static void spsi_march_light(const spsi_marcher *marcher, const spsi_light *light, const double point[3],
+                             spsi_shade *shade) {
+    double range[2] = {0, 0}, depths[SPSI_SETS_MAX];
     spsi_ray ray;
-    if (!spsi_light_ray(light, point, &ray)) return spsi_enclosure_of(0, 0);
-    depth = spsi_particles_depth(marcher, &ray, depths);
+    memset(shade, 0, sizeof *shade);
+    if (!spsi_light_ray(light, point, &ray)) return;
+    shade->depth.low = shade->depth.high = spsi_particles_depth(marcher, &ray, depths);
     const int count = marcher->frame->medium_count > 0 ? spsi_march_range(marcher, &ray, range) : 0;
+    shade->way = count > 0 ? range[1] - range[0] : 0;
     for (int i = 0; i < count; ++i) {
-        const double h = (range[1] - range[0]) / count;
-        double at[3];
-        spsi_along(point, ray.direction, range[0] + (i + 0.5) * h, at);
-        for (int m = 0; m < marcher->frame->medium_count; ++m) {
-            const spsi_material *material = spsi_material_of(marcher->frame, m);
-            if (material->extinguishes)
-                depth += h * spsi_extinction_at(material, spsi_field(&marcher->grids[m], at, NULL), NULL);
-        }
+        const spsi_ray part = spsi_march_part(&ray, range, i, count);
+        for (int m = 0; m < marcher->frame->medium_count; ++m)
+            if (spsi_material_of(marcher->frame, m)->extinguishes) marcher->shade(marcher, m, &part, shade);
     }
-    return spsi_enclosure_of(depth, depth);
+}
+
+/* Adds the depth of a volume, sampled at the middle. */
+static void spsi_march_shade(const spsi_marcher *marcher, int m, const spsi_ray *part, spsi_shade *shade) {
+    double at[3], depth;
+    spsi_along(part->origin, part->direction, 0.5 * (part->low + part->high), at);
+    depth = spsi_field(&marcher->grids[m], at, SPSI_REFERENCE_REACH, NULL, NULL);
+    depth = (part->high - part->low) * spsi_extinction_at(spsi_material_of(marcher->frame, m), depth, NULL);
+    spsi_enclosure_add(&shade->depth, depth, depth);
 }
 
 /* Samples a part at a point. `value` and `extinction` are volumes' only. */
@@ -25854,7 +25866,7 @@ static void spsi_march_sample(const spsi_marcher *marcher, int part, const doubl
     double n[3] = {0, 0, 0};
     memset(sample, 0, sizeof *sample);
     if (part < marcher->frame->medium_count) {
-        *value = spsi_field(&marcher->grids[part], point, surface ? n : NULL);
+        *value = spsi_field(&marcher->grids[part], point, SPSI_REFERENCE_REACH, surface ? n : NULL, NULL);
         *extinction = spsi_extinction_at(material, *value, color);
     }
     for (int c = 0; c < 3; ++c) sample->color[c] = spsi_set(color[c]);
@@ -25871,6 +25883,8 @@ static void spsi_march_sample(const spsi_marcher *marcher, int part, const doubl
 typedef struct spsi_point {
     double position[3];                    /* middle of the step */
     double direction[3];                   /* unit vector from the eye */
+    const spsi_surface *surface;           /* NULL: in gas */
+    int face;                              /* -1: in gas */
     double half;                           /* half length */
     double pixel;                          /* world size of a pixel there */
     double value[SPSI_MATERIALS_MAX];      /* per part; for particles, extinction */
@@ -25886,6 +25900,8 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
     double depths[SPSI_SETS_MAX], depth[3];
     spsi_along(ray->origin, ray->direction, 0.5 * (ray->low + ray->high), point->position);
     memcpy(point->direction, ray->direction, sizeof point->direction);
+    point->surface = NULL;
+    point->face = -1;
     point->extinction_sum = point->value_sum = 0;
     point->half = 0.5 * (ray->high - ray->low);
     spsi_to_rays(&frame->content->eye, ray->direction, depth);
@@ -25931,18 +25947,24 @@ static double spsi_point_inverse_square(const spsi_point *point, const double fr
     return y < 1e-6 * x ? 1 / x : atan2(y, x) / y;
 }
 
-/* Irradiance past polygons but through no medium. Returns 0 if there is none. */
+/* Irradiance of gas or a polygon, past polygons but through no medium. Returns 0 if there is none. */
 static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *point, const spsi_light *light,
                               double travel[3], double arrives[3]) {
-    double image[3] = {1, 1, 1}, passes[3] = {1, 1, 1}, irradiance = 1;
+    const double *start = point->surface ? point->surface->start : point->position;
+    double passes[3] = {1, 1, 1};
     spsi_light_direction(light, point->position, travel);
-    if (light->falls_off) irradiance *= spsi_point_inverse_square(point, light->position);
-    if (light->projection.exists) spsi_projection_at(marcher->frame, light, point->position, point->pixel, image);
-    if (!(image[0] > 0 || image[1] > 0 || image[2] > 0)) return 0;
-    irradiance *= spsi_cone_at(&light->cone, spsi_versine(light, travel));
-    if (!(irradiance > 0)) return 0;
-    if (light->shadows && !spsi_march_visibility(marcher->faces, light, point->position, -1, passes)) return 0;
-    for (int c = 0; c < 3; ++c) arrives[c] = irradiance * image[c] * passes[c] * (double)light->color[c];
+    if (point->surface) {
+        if (!spsi_surface_point_irradiance(marcher->frame, light, point->surface, arrives)) return 0;
+    } else {
+        double irradiance = spsi_cone_at(&light->cone, spsi_versine(light, travel));
+        arrives[0] = arrives[1] = arrives[2] = 1;
+        if (light->falls_off) irradiance *= spsi_point_inverse_square(point, light->position);
+        if (light->projection.exists) spsi_projection_at(marcher->frame, light, point->position, point->pixel, arrives);
+        for (int c = 0; c < 3; ++c) arrives[c] *= irradiance;
+        if (!(arrives[0] > 0 || arrives[1] > 0 || arrives[2] > 0)) return 0;
+    }
+    if (light->shadows && !spsi_march_visibility(marcher->faces, light, start, point->face, passes)) return 0;
+    for (int c = 0; c < 3; ++c) arrives[c] *= passes[c] * (double)light->color[c];
     return 1;
 }
 
@@ -25994,8 +26016,12 @@ SPSI_COLD void spsi_march_forward(const spsi_material *material, const spsi_samp
 SPSI_COLD void spsi_point_add_light(const spsi_marcher *marcher, const spsi_point *point, const spsi_light *light,
                                     double weight, spsi_source *source) {
     double travel[3], arrives[3], response[3], depth = 0;
+    spsi_shade shade;
     if (!spsi_point_arrival(marcher, point, light, travel, arrives)) return;
-    if (light->shadows) depth = spsi_march_light(marcher, light, point->position).low;
+    if (light->shadows) {
+        spsi_march_light(marcher, light, point->position, &shade);
+        depth = shade.depth.low;
+    }
     for (int m = 0; m < marcher->part_count; ++m) {
         const spsi_material *material = spsi_material_of(marcher->frame, m);
         const double share = point->extinction[m] * weight;
@@ -26030,46 +26056,40 @@ SPSI_COLD void spsi_point_source(const spsi_marcher *marcher, const spsi_point *
         }
 }
 
-/* Irradiance per unit of the light's color. */
-SPSI_COLD void spsi_march_arrival(const spsi_marcher *marcher, const spsi_light *light, int face,
-                                  const spsi_surface *surface, spsi_enclosure arrives[3]) {
-    const int count = spsi_reference_points(light);
-    memset(arrives, 0, 3 * sizeof *arrives);
-    for (int n = 0; n < count; ++n) {
-        spsi_light at;
-        double irradiance[3], passes[3] = {1, 1, 1};
-        spsi_enclosure through = {1, 1};
-        spsi_reference_point(light, surface->point, n, &at);
-        if (!spsi_surface_point_irradiance(marcher->frame, &at, surface, irradiance)) continue;
-        if (light->shadows && !spsi_march_visibility(marcher->faces, &at, surface->start, face, passes)) continue;
-        if (light->shadows) through = spsi_enclosure_transmittance(marcher->shade(marcher, &at, surface->point));
-        for (int c = 0; c < 3; ++c) {
-            const double arrives_all = irradiance[c] * passes[c] / count;
-            spsi_enclosure_add(&arrives[c], arrives_all * through.low, arrives_all * through.high);
-        }
-    }
-}
-
 SPSI_COLD void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y,
                                   spsi_enclosure radiance[3]) {
     const spsi_frame *frame = marcher->frame;
     const double ambient = marcher->settings->samples == 0 ? 1 : 0; /* otherwise paths add it */
     spsi_appearance look;
     spsi_surface surface;
+    spsi_point point;
     spsi_shading_point place = {hit, x, y, {(double)x, (double)y}, 0};
     spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
+    memcpy(point.position, surface.point, sizeof point.position);
+    point.surface = &surface;
+    point.face = hit->face;
     spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->visible.set, &place), &look);
     for (int c = 0; c < 3; ++c) {
         const double own = look.color[c] * ambient * (double)frame->given.ambient[c] + (double)look.emission[c];
         radiance[c] = spsi_enclosure_of(own, own);
     }
     for (int i = 0; i < frame->lights.count; ++i) {
-        const spsi_light *light = &frame->lights.list[i];
-        spsi_enclosure arrives[3];
-        spsi_march_arrival(marcher, light, hit->face, &surface, arrives);
-        for (int c = 0; c < 3; ++c) {
-            const double reflected = look.color[c] / SPSI_PI * (double)light->color[c];
-            spsi_enclosure_add(&radiance[c], reflected * arrives[c].low, reflected * arrives[c].high);
+        const int count = spsi_reference_points(&frame->lights.list[i]);
+        for (int n = 0; n < count; ++n) {
+            spsi_light at;
+            double travel[3], arrives[3];
+            spsi_enclosure through = {1, 1};
+            spsi_shade shade;
+            spsi_reference_point(&frame->lights.list[i], surface.point, n, &at);
+            if (!spsi_point_arrival(marcher, &point, &at, travel, arrives)) continue;
+            if (at.shadows) {
+                spsi_march_light(marcher, &at, surface.point, &shade);
+                through = spsi_enclosure_transmittance(shade.depth);
+            }
+            for (int c = 0; c < 3; ++c) {
+                const double reflected = look.color[c] / SPSI_PI * arrives[c] / count;
+                spsi_enclosure_add(&radiance[c], reflected * through.low, reflected * through.high);
+            }
         }
     }
 }
@@ -26134,19 +26154,14 @@ SPSI_COLD void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sam
     walker->ended = !(passes.high > 0 && (walker->filter[0] > 0 || walker->filter[1] > 0 || walker->filter[2] > 0));
 }
 
-#define SPSI_MARCH_SPAN 8 /* pixels of a row per task */
-
-static int spsi_march_spans(int width) { return (width + SPSI_MARCH_SPAN - 1) / SPSI_MARCH_SPAN; }
-
 /* Whole rows per task would make workers wait. */
-static void spsi_march_span_task(void *data, int index, int worker) {
+static void spsi_march_pixel_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
-    const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
-    const int row = marcher->first_row + index / spans, first = index % spans * SPSI_MARCH_SPAN;
-    spsi_sample *samples = marcher->samples + (size_t)worker * (size_t)marcher->part_count;
-    for (int x = first; x < spsi_imin(region[2], first + SPSI_MARCH_SPAN); ++x)
-        marcher->pixel(marcher, region[0] + x, region[1] + row, samples,
-                       &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x]);
+    const int *region = marcher->frame->view.region;
+    const int row = marcher->first_row + index / region[2], x = index % region[2];
+    marcher->pixel(marcher, region[0] + x, region[1] + row,
+                   marcher->samples + (size_t)worker * (size_t)marcher->part_count,
+                   &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x]);
 }
 
 /* `done`: progress so far. */
@@ -26155,8 +26170,8 @@ static sps_result spsi_march_pixels(sps_context *context, spsi_marcher *marcher,
     const int rows = spsi_worker_count(context); /* per call of progress_fn: one row can take a second */
     for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
         if (spsi_progress(context, done + share * marcher->first_row / region[3])) return context->result;
-        spsi_parallel(context, spsi_imin(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
-                      spsi_march_span_task, marcher);
+        spsi_parallel(context, spsi_imin(rows, region[3] - marcher->first_row) * region[2], spsi_march_pixel_task,
+                      marcher);
     }
     return SPS_OK;
 }
@@ -26398,7 +26413,6 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
    * 3 * (1 + lights * shadow steps * 3) * 512 voxels. */
 
 #define SPSI_BRACKET_ORDER    6
-#define SPSI_BRACKET_TAPS     8     /* per axis around a point */
 #define SPSI_BRACKET_REACH    (4 - 1e-9)
 #define SPSI_BRACKET_STEP     0.75  /* voxels, at most: then the taps are enough */
 #define SPSI_BRACKET_TAIL     2e-8  /* kernels beyond the taps, relative to the largest value */
@@ -26446,16 +26460,22 @@ SPSI_COLD spsi_series spsi_series_exponential(const spsi_series *w) {
     return result;
 }
 
-/* Adds `scale` times the series of a field along `speed` voxels. Nearby voxels are `middle` +- `half`, all at most
-   `most`; integrals give an integral's series. Term 0 stays. */
-SPSI_COLD void spsi_series_add_field(double scale, double speed, double half, double middle, double most,
-                                     spsi_series *series) {
-    double factor = scale;
+/* Series of a field along `speed` voxels. Nearby voxels are `middle` +- `half`, all at most `most`; integrals give an
+   integral's series. */
+SPSI_COLD spsi_series spsi_series_of_field(double speed, double half, double middle, double most) {
+    spsi_series series;
+    double factor = 1;
+    series.term[0] = (middle + half) * spsi_kernel_ripples[0] + most * spsi_kernel_tails[0];
     for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) {
         factor *= speed / k;
-        series->term[k] += factor * (half * spsi_kernel_sums[k] + middle * spsi_kernel_ripples[k] +
-                                     most * spsi_kernel_tails[k]);
+        series.term[k] =
+            factor * (half * spsi_kernel_sums[k] + middle * spsi_kernel_ripples[k] + most * spsi_kernel_tails[k]);
     }
+    return series;
+}
+
+SPSI_COLD void spsi_series_add(spsi_series *sum, double scale, const spsi_series *other) {
+    for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) sum->term[k] += scale * other->term[k];
 }
 
 static double spsi_gauss_error(double h, double sixth) { return h * (h * h) * (h * h) * (h * h) * sixth / 2800; }
@@ -26466,36 +26486,9 @@ typedef struct spsi_step_gas {
     double value[3];     /* field at the points */
     double half, middle; /* nearby voxels: middle +- half */
     double tail;         /* possible excess of values */
+    spsi_series series;
     spsi_enclosure length; /* integral over the step */
 } spsi_step_gas;
-
-/* `gas`: range of voxels around the point, or NULL. Returns 0 if none is above 0. */
-SPSI_COLD int spsi_vicinity_at(const spsi_dense *grid, const double point[3], double *value, spsi_step_gas *gas) {
-    double sum[SPSI_BRACKET_TAPS] = {0};
-    float low[SPSI_BRACKET_TAPS], high[SPSI_BRACKET_TAPS] = {0}, least, most = 0;
-    spsi_vicinity v;
-    *value = 0;
-    if (gas) gas->half = gas->middle = 0;
-    if (!spsi_vicinity_place(grid, point, SPSI_BRACKET_REACH, 0, &v)) return 0;
-    for (int i = 0; i < SPSI_BRACKET_TAPS; ++i) low[i] = i < v.count[0] ? FLT_MAX : 0;
-    for (int z = 0; z < v.count[2]; ++z)
-        for (int y = 0; y < v.count[1]; ++y) {
-            const float *row = spsi_vicinity_row(grid, &v, y, z);
-            const double weight = v.weights[2][z] * v.weights[1][y];
-            for (int x = 0; x < v.count[0]; ++x) sum[x] += weight * (double)row[x];
-            for (int x = 0; x < v.count[0] && gas; ++x) {
-                low[x] = row[x] < low[x] ? row[x] : low[x];
-                high[x] = row[x] > high[x] ? row[x] : high[x];
-            }
-        }
-    least = v.count[1] < SPSI_BRACKET_TAPS || v.count[2] < SPSI_BRACKET_TAPS ? 0 : FLT_MAX; /* 0 beyond the edge */
-    for (int x = 0; x < v.count[0]; ++x) *value += v.weights[0][x] * sum[x];
-    for (int x = 0; x < SPSI_BRACKET_TAPS; ++x) least = spsi_fmin(low[x], least), most = spsi_fmax(high[x], most);
-    if (!gas) return 1;
-    gas->half = 0.5 * ((double)most - (double)least);
-    gas->middle = 0.5 * ((double)most + (double)least);
-    return 1;
-}
 
 SPSI_COLD double spsi_vicinity_speed(const spsi_dense *grid, const double direction[3]) {
     double along[3];
@@ -26508,63 +26501,31 @@ SPSI_COLD double spsi_vicinity_speed(const spsi_dense *grid, const double direct
 /* Returns 0 if no medium is near. */
 SPSI_COLD int spsi_step_sample(const spsi_marcher *marcher, int m, const spsi_ray *step, spsi_step_gas *gas) {
     const spsi_dense *grid = &marcher->grids[m];
-    const double h = step->high - step->low, most = grid->all_most, speed = spsi_vicinity_speed(grid, step->direction);
-    spsi_series series;
+    const double h = step->high - step->low, speed = spsi_vicinity_speed(grid, step->direction);
     double sum = 0, off;
-    int any = 0;
-    gas->tail = SPSI_BRACKET_TAIL * most;
+    float range[2];
+    gas->tail = SPSI_BRACKET_TAIL * grid->all_most;
     for (int j = 0; j < 3; ++j) {
         double point[3];
         spsi_along(step->origin, step->direction, step->low + spsi_gauss_places[j] * h, point);
-        any |= spsi_vicinity_at(grid, point, &gas->value[j], j == 1 ? gas : NULL);
+        gas->value[j] = spsi_field(grid, point, SPSI_BRACKET_REACH, NULL, j == 1 ? range : NULL);
         sum += h * spsi_gauss_weights[j] * gas->value[j];
     }
-    memset(&series, 0, sizeof series);
-    if (any) spsi_series_add_field(1, speed, gas->half, gas->middle, most, &series);
-    off = spsi_gauss_error(h, series.term[SPSI_BRACKET_ORDER]);
+    gas->half = 0.5 * ((double)range[1] - (double)range[0]);
+    gas->middle = 0.5 * ((double)range[1] + (double)range[0]);
+    gas->series = spsi_series_of_field(speed, gas->half, gas->middle, grid->all_most);
+    off = spsi_gauss_error(h, gas->series.term[SPSI_BRACKET_ORDER]);
     gas->length = spsi_enclosure_of(spsi_dmax(0, sum - off), sum + off + h * gas->tail);
-    return any;
+    return sum > 0 || range[1] > 0;
 }
 
-SPSI_COLD double spsi_step_most(const spsi_step_gas *gas, double most) {
-    return (gas->middle + gas->half) * spsi_kernel_ripples[0] + most * spsi_kernel_tails[0];
-}
-
-/* --- shadow rays --- */
-
-typedef struct spsi_shade {
-    spsi_enclosure depth;
-    double way;                                              /* length in the medium's bounds */
-    double half[SPSI_VOLUMES_MAX], middle[SPSI_VOLUMES_MAX]; /* integrals of nearby voxels' range */
-} spsi_shade;
-
-SPSI_COLD void spsi_bracket_shade(const spsi_marcher *marcher, const spsi_light *light, const double point[3],
-                                  spsi_shade *shade) {
-    const spsi_frame *frame = marcher->frame;
-    double depths[SPSI_SETS_MAX], range[2];
-    spsi_ray ray;
-    memset(shade, 0, sizeof *shade);
-    if (!spsi_light_ray(light, point, &ray)) return;
-    shade->depth.low = shade->depth.high = spsi_particles_depth(marcher, &ray, depths);
-    const int count = spsi_march_range(marcher, &ray, range);
-    for (int i = 0; i < count; ++i) {
-        const spsi_ray part = spsi_march_part(&ray, range, i, count);
-        for (int m = 0; m < frame->medium_count; ++m) {
-            const double extinction = (double)spsi_material_of(frame, m)->extinction, h = part.high - part.low;
-            spsi_step_gas gas;
-            spsi_step_sample(marcher, m, &part, &gas);
-            spsi_enclosure_add(&shade->depth, extinction * gas.length.low, extinction * gas.length.high);
-            shade->half[m] += h * gas.half;
-            shade->middle[m] += h * gas.middle;
-        }
-        shade->way += part.high - part.low;
-    }
-}
-
-static spsi_enclosure spsi_bracket_light(const spsi_marcher *marcher, const spsi_light *light, const double point[3]) {
-    spsi_shade shade;
-    spsi_bracket_shade(marcher, light, point, &shade);
-    return shade.depth;
+static void spsi_bracket_shade(const spsi_marcher *marcher, int m, const spsi_ray *part, spsi_shade *shade) {
+    const double extinction = (double)spsi_material_of(marcher->frame, m)->extinction, h = part->high - part->low;
+    spsi_step_gas gas;
+    spsi_step_sample(marcher, m, part, &gas);
+    spsi_enclosure_add(&shade->depth, extinction * gas.length.low, extinction * gas.length.high);
+    shade->half[m] += h * gas.half;
+    shade->middle[m] += h * gas.middle;
 }
 
 /* --- steps of the eye's ray --- */
@@ -26626,13 +26587,11 @@ SPSI_COLD void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray,
     for (int j = 0; j < 3; ++j)
         spsi_along(ray->origin, ray->direction, ray->low + spsi_gauss_places[j] * h, step->points[j]);
     for (int m = 0; m < frame->medium_count; ++m) {
-        const double scale = (double)spsi_material_of(frame, m)->extinction, most = marcher->grids[m].all_most;
-        const double speed = spsi_vicinity_speed(&marcher->grids[m], ray->direction);
+        const double scale = (double)spsi_material_of(frame, m)->extinction;
         spsi_step_gas *gas = &step->gas[m];
         any |= spsi_step_sample(marcher, m, ray, gas);
         spsi_enclosure_add(&step->depth, scale * gas->length.low, scale * gas->length.high);
-        spsi_series_add_field(scale, speed, gas->half, gas->middle, most, &extinction);
-        extinction.term[0] += scale * spsi_step_most(gas, most);
+        spsi_series_add(&extinction, scale, &gas->series);
     }
     spsi_particles_depth(marcher, ray, step->particles);
     for (int i = 0; i < frame->particles.set_count; ++i) {
@@ -26649,10 +26608,9 @@ SPSI_COLD spsi_enclosure spsi_step_integral(const spsi_marcher *marcher, const s
                                             const spsi_incoming *incoming) {
     const spsi_step_gas *gas = &step->gas[m];
     const double h = step->ray.high - step->ray.low;
-    const double speed = spsi_vicinity_speed(&marcher->grids[m], step->ray.direction);
     const double extinction = (double)spsi_material_of(marcher->frame, m)->extinction;
     spsi_enclosure result, points = {0, 0};
-    spsi_series f, w, product;
+    spsi_series w = step->passes, product;
     if (!(gas->length.high > 0)) return points;
     result.low = gas->length.low * exp(-step->before.high - step->depth.high);
     result.high = gas->length.high * exp(-step->before.low);
@@ -26670,12 +26628,9 @@ SPSI_COLD spsi_enclosure spsi_step_integral(const spsi_marcher *marcher, const s
         points.low += weight * gas->value[j] * exp(-high);
         points.high += weight * (gas->value[j] + gas->tail) * exp(-low);
     }
-    memset(&f, 0, sizeof f);
-    spsi_series_add_field(1, speed, gas->half, gas->middle, marcher->grids[m].all_most, &f);
-    f.term[0] = spsi_step_most(gas, marcher->grids[m].all_most);
-    for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) w.term[k] = step->passes.term[k] + incoming->series.term[k];
+    spsi_series_add(&w, 1, &incoming->series);
     w = spsi_series_exponential(&w);
-    product = spsi_series_product(&f, &w);
+    product = spsi_series_product(&gas->series, &w);
     product = spsi_series_product(&product, &incoming->falloff);
     double off = spsi_gauss_error(h, product.term[SPSI_BRACKET_ORDER]) * exp(-step->before.low) * incoming->passes.high;
     if (points.low - off > result.low) result.low = points.low - off;
@@ -26732,13 +26687,16 @@ SPSI_COLD void spsi_incoming_shade(const spsi_marcher *marcher, const spsi_step 
                                    spsi_incoming *incoming) {
     const double h = step->ray.high - step->ray.low, distance = spsi_step_distance(step, light);
     spsi_shade middle;
-    spsi_bracket_shade(marcher, light, step->points[1], &middle);
-    incoming->depth[1] = middle.depth;
-    for (int j = 0; j < 3; j += 2) incoming->depth[j] = spsi_bracket_light(marcher, light, step->points[j]);
-    for (int m = 0; m < marcher->frame->medium_count; ++m)
-        spsi_series_add_field((double)spsi_material_of(marcher->frame, m)->extinction,
-                              spsi_vicinity_speed(&marcher->grids[m], step->ray.direction), middle.half[m],
-                              middle.middle[m], marcher->grids[m].all_most * middle.way, &incoming->series);
+    for (int j = 0; j < 3; ++j) {
+        spsi_march_light(marcher, light, step->points[(j + 2) % 3], &middle); /* the middle last */
+        incoming->depth[(j + 2) % 3] = middle.depth;
+    }
+    for (int m = 0; m < marcher->frame->medium_count; ++m) {
+        const spsi_dense *grid = &marcher->grids[m];
+        const spsi_series own = spsi_series_of_field(spsi_vicinity_speed(grid, step->ray.direction), middle.half[m],
+                                                     middle.middle[m], grid->all_most * middle.way);
+        spsi_series_add(&incoming->series, (double)spsi_material_of(marcher->frame, m)->extinction, &own);
+    }
     if (light->is_point) {
         spsi_series way;
         incoming->smooth &= distance > h;
@@ -26829,7 +26787,7 @@ SPSI_COLD void spsi_incoming_phase(const spsi_step *step, const spsi_light *ligh
         const double g = (double)lobe->asymmetry;
         const double most = spsi_dmin(spsi_dmax(cosines[1] + (g > 0 ? turn : -turn), -1), 1);
         const spsi_series own = spsi_series_lobe(lobe, 1 + g * g - 2 * g * most, &turning);
-        for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) series.term[k] += own.term[k];
+        spsi_series_add(&series, 1, &own);
         for (int j = 0; j < 3; ++j) phases[j] += spsi_lobe_at(lobe, cosines[j]);
         spsi_enclosure_add(&range, spsi_lobe_at(lobe, cosines[1] - (g > 0 ? turn : -turn)), spsi_lobe_at(lobe, most));
     }
@@ -26841,9 +26799,8 @@ SPSI_COLD void spsi_incoming_phase(const spsi_step *step, const spsi_light *ligh
 }
 
 typedef struct spsi_step_light {
-    spsi_enclosure light[3];
+    spsi_enclosure light[3], depth;
     double source[3]; /* greatest radiance, were it opaque */
-    spsi_enclosure depth;
 } spsi_step_light;
 
 SPSI_COLD void spsi_step_add_light(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *light,
@@ -27070,7 +27027,7 @@ SPSI_COLD sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marc
         for (size_t i = 0; i < bricks; ++i) grid->all_most = spsi_dmax(grid->all_most, (double)grid->most[i]);
         for (int k = 0; k < 3; ++k)
             marcher->step = spsi_dmin(marcher->step, SPSI_BRACKET_STEP / spsi_length(grid->inverse[k]));
-        spsi_medium_bounds(&frame->media[m], 0.5 * SPSI_BRACKET_TAPS, &marcher->bounds);
+        spsi_medium_bounds(&frame->media[m], SPSI_BRACKET_REACH, &marcher->bounds);
     }
     spsi_along(marcher->bounds.high, marcher->bounds.low, -1, across);
     if (!spsi_bounds_empty(&marcher->bounds) && !(spsi_length(across) < SPSI_BRACKET_STEPS * marcher->step))
@@ -27078,7 +27035,7 @@ SPSI_COLD sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marc
                               "volumes and particles are too far apart for lower and upper: a ray through all of them "
                               "would have more than 1e8 steps");
     marcher->follow = spsi_bracket_step;
-    marcher->shade = spsi_bracket_light;
+    marcher->shade = spsi_bracket_shade;
     return SPS_OK;
 }
 
@@ -27100,12 +27057,14 @@ SPSI_COLD sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marc
 #define SPSI_PATH_SPLITS  0.05  /* transmittance below which one of two shadow rays ends */
 
 typedef struct spsi_path {
-    spsi_ray ray; /* after the last event; low is 0 */
+    spsi_ray ray; /* after the last event */
     double weight[3], radiance[3];
     double from[3];  /* last event */
     double density;  /* per steradian, of its direction */
     uint64_t random; /* generator state */
     int face;        /* starting face; -1: none */
+    const spsi_material *material; /* of the last event in gas */
+    double color[3], plane[3];     /* of the last event on a polygon */
     int scattered;   /* events so far */
     int off_face;    /* 1: last event on a polygon */
 } spsi_path;
@@ -27168,73 +27127,58 @@ typedef struct spsi_tracker {
     const spsi_dense *grid;
     const spsi_material *material;
     const spsi_ray *ray;
-    double at[3], along[3]; /* ray in voxels */
-    double voxel;           /* t per voxel */
-    double t, end;
-    double leave; /* end of the current brick */
-    double bound; /* extinction bound there */
+    spsi_ray rest;       /* what is left of it, in voxels */
+    double leave, bound; /* extinction's upper bound up to `leave` */
 } spsi_tracker;
 
-/* Border bricks reach as far as their kernels. */
+/* Pieces are as long as a brick, so their voxels are in the middle's brick and its neighbours. */
 static void spsi_tracker_enter(spsi_tracker *tracker) {
     const spsi_dense *grid = tracker->grid;
-    const double room =
-        1e-7 * tracker->voxel + 4 * DBL_EPSILON * fabs(tracker->t); /* always advances */
-    int index = 0;
-    tracker->leave = HUGE_VAL;
+    const spsi_ray *rest = &tracker->rest;
+    const double length = spsi_dmax(SPSI_BRICK / spsi_length(rest->direction), 4 * DBL_EPSILON * fabs(rest->low));
+    int brick = 0;
+    tracker->leave = spsi_dmin(rest->low + length, rest->high);
     for (int i = 2; i >= 0; --i) {
-        const double p = tracker->at[i] + (tracker->t + room) * tracker->along[i];
-        const int brick = (int)spsi_dmin(spsi_dmax(p, 0), grid->size[i] - 1) / SPSI_BRICK, last = grid->bricks[i] - 1;
-        const double low = brick > 0 ? brick * SPSI_BRICK : -SPSI_REFERENCE_REACH;
-        const double high = brick < last ? (brick + 1) * SPSI_BRICK : grid->size[i] + SPSI_REFERENCE_REACH;
-        if (fabs(tracker->along[i]) > 0)
-            tracker->leave =
-                spsi_dmin(tracker->leave, ((tracker->along[i] > 0 ? high : low) - tracker->at[i]) / tracker->along[i]);
-        index = index * grid->bricks[i] + brick;
+        const double p = rest->origin[i] + 0.5 * (rest->low + tracker->leave) * rest->direction[i];
+        brick = brick * grid->bricks[i] + (int)spsi_dmin(spsi_dmax(p, 0), grid->size[i] - 1) / SPSI_BRICK;
     }
-    tracker->leave = spsi_dmin(spsi_dmax(tracker->leave, tracker->t + room), tracker->end);
-    tracker->bound = (double)grid->bound[index];
+    tracker->bound = (double)grid->bound[brick];
 }
 
 /* Returns 0 if the ray misses the volume. */
 static int spsi_tracker_begin(const spsi_marcher *marcher, int medium, const spsi_ray *ray, spsi_tracker *tracker) {
-    spsi_ray local = *ray;
     double offset[3], low[3], high[3], range[2];
     tracker->grid = &marcher->grids[medium];
     tracker->material = spsi_material_of(marcher->frame, medium);
     tracker->ray = ray;
-    if (!tracker->material->extinguishes) return 0;
+    tracker->rest = *ray;
     spsi_along(ray->origin, tracker->grid->corner, -1, offset);
     for (int i = 0; i < 3; ++i) {
-        tracker->at[i] = local.origin[i] = spsi_dot(tracker->grid->inverse[i], offset);
-        tracker->along[i] = local.direction[i] = spsi_dot(tracker->grid->inverse[i], ray->direction);
+        tracker->rest.origin[i] = spsi_dot(tracker->grid->inverse[i], offset);
+        tracker->rest.direction[i] = spsi_dot(tracker->grid->inverse[i], ray->direction);
         low[i] = -SPSI_REFERENCE_REACH;
         high[i] = tracker->grid->size[i] + SPSI_REFERENCE_REACH;
     }
-    if (!spsi_ray_meets_box(&local, low, high, range) || !(range[1] > range[0])) return 0;
-    tracker->voxel = 1 / spsi_length(tracker->along);
-    tracker->t = range[0];
-    tracker->end = range[1];
+    if (!tracker->material->extinguishes || !spsi_ray_meets_box(&tracker->rest, low, high, range)) return 0;
+    tracker->rest.low = range[0];
+    tracker->rest.high = range[1];
     spsi_tracker_enter(tracker);
     return 1;
 }
 
 /* Returns the probability that the next collision is real, or -1 if there is none. */
 static double spsi_tracker_next(spsi_tracker *tracker, uint64_t *random) {
-    double point[3];
+    double point[3], value;
     for (;;) {
-        const double next = tracker->t + spsi_random_depth(random) / tracker->bound; /* infinity without medium */
-        if (next < tracker->leave) {
-            tracker->t = next;
-            break;
-        }
-        tracker->t = tracker->leave;
-        if (tracker->t >= tracker->end) return -1;
+        const double next = tracker->rest.low + spsi_random_depth(random) / tracker->bound; /* infinity if empty */
+        tracker->rest.low = spsi_dmin(next, tracker->leave);
+        if (next < tracker->leave) break;
+        if (tracker->leave >= tracker->rest.high) return -1;
         spsi_tracker_enter(tracker);
     }
-    spsi_along(tracker->ray->origin, tracker->ray->direction, tracker->t, point);
-    return spsi_dmin(
-        spsi_extinction_at(tracker->material, spsi_field(tracker->grid, point, NULL), NULL) / tracker->bound, 1);
+    spsi_along(tracker->ray->origin, tracker->ray->direction, tracker->rest.low, point);
+    value = spsi_field(tracker->grid, point, SPSI_REFERENCE_REACH, NULL, NULL);
+    return spsi_dmin(spsi_extinction_at(tracker->material, value, NULL) / tracker->bound, 1);
 }
 
 /* Shortens the ray to a collision, and sets `part`. */
@@ -27245,7 +27189,7 @@ static void spsi_path_through_volumes(const spsi_marcher *marcher, spsi_ray *ray
         if (!spsi_tracker_begin(marcher, m, ray, &tracker)) continue;
         while ((share = spsi_tracker_next(&tracker, random)) >= 0)
             if (spsi_random(random) < share) {
-                ray->high = tracker.t;
+                ray->high = tracker.rest.low;
                 *part = m;
                 break;
             }
@@ -27373,7 +27317,8 @@ static double spsi_emission_at(const spsi_marcher *marcher, const double event[3
         const spsi_material *material = spsi_material_of(marcher->frame, m);
         const int set = m - marcher->frame->medium_count;
         double value = 0;
-        if (material->emits) value = set < 0 ? spsi_field(&marcher->grids[m], point, NULL) : depths[set] / (2 * room);
+        if (material->emits && set < 0) value = spsi_field(&marcher->grids[m], point, SPSI_REFERENCE_REACH, NULL, NULL);
+        if (material->emits && set >= 0) value = depths[set] / (2 * room);
         for (int c = 0; c < 3; ++c) emitted[c] += value * (double)material->emission[c];
     }
     drawn = spsi_color_mean(emitted) / marcher->glow_sum * way * way * spsi_length(across);
@@ -27423,6 +27368,17 @@ static double spsi_path_density(const spsi_material *material, double cosine) {
     return spsi_phase_at(material, cosine);
 }
 
+/* Fraction of light that the last event sends along the path, by color. Returns the direction's density. */
+static double spsi_path_response(const spsi_path *path, const spsi_point *point, const double travel[3],
+                                 double response[3]) {
+    if (!point->surface) {
+        spsi_march_response(path->material, point->samples, point->direction, travel, response);
+        return spsi_path_density(path->material, -spsi_dot(travel, point->direction));
+    }
+    for (int c = 0; c < 3; ++c) response[c] = path->color[c] / SPSI_PI;
+    return spsi_dmax(-spsi_dot(travel, point->surface->normal), 0) / SPSI_PI;
+}
+
 /* `density`: of the direction; negative: no event. */
 static void spsi_path_turn(spsi_path *path, const double direction[3], int face, double density) {
     spsi_along(path->ray.origin, path->ray.direction, path->ray.high, path->ray.origin);
@@ -27437,27 +27393,37 @@ static void spsi_path_turn(spsi_path *path, const double direction[3], int face,
     path->face = face;
 }
 
-/* Lights without shadows count at the first event only. */
-static void spsi_path_light_gas(const spsi_marcher *marcher, const spsi_point *point, const spsi_material *material,
-                                spsi_path *path) {
+/* In gas, lights without shadows count at the first event only. Emission behind a face's plane does not count: no path
+   goes there. */
+static void spsi_path_lights(const spsi_marcher *marcher, const spsi_point *point, spsi_path *path) {
     const int lights = path->scattered > 0 ? marcher->frame->lights.count : 0; /* the first event's are marched */
     for (int i = marcher->glow_sum > 0 ? -1 : 0; i < lights; ++i) {            /* -1: emission */
-        double travel[3], arrives[3], response[3], passes, density;
+        double travel[3], arrives[3], response[3], emitted[3], passes, density;
         spsi_light at;
         if (i < 0)
             spsi_emission_draw(marcher, &path->random, &at);
         else
             spsi_reference_point(&marcher->frame->lights.list[i], point->position, 0, &at);
-        if (!at.shadows || !spsi_point_arrival(marcher, point, &at, travel, arrives)) continue;
+        if (!at.shadows && !point->surface) continue;
+        if (!spsi_point_arrival(marcher, point, &at, travel, arrives)) continue;
+        if (i < 0 && point->surface && spsi_dot(travel, path->plane) * spsi_dot(point->direction, path->plane) <= 0)
+            continue;
         passes = spsi_path_transmittance(marcher, &at, point->position, &path->random);
-        density = spsi_path_density(material, -spsi_dot(travel, point->direction));
+        density = spsi_path_response(path, point, travel, response);
         if (i < 0)
-            passes *= marcher->glow_sum * spsi_emission_at(marcher, point->position, density, at.position, response);
+            passes *= marcher->glow_sum * spsi_emission_at(marcher, point->position, density, at.position, emitted);
         if (!(passes > 0)) continue;
-        spsi_march_response(material, point->samples, point->direction, travel, response);
         for (int c = 0; c < 3; ++c) response[c] *= arrives[c] * passes;
         spsi_path_take(path, response);
     }
+}
+
+/* The path's event at its ray's end. */
+static void spsi_path_event(const spsi_path *path, spsi_point *point) {
+    memset(point, 0, sizeof *point);
+    spsi_along(path->ray.origin, path->ray.direction, path->ray.high, point->position);
+    memcpy(point->direction, path->ray.direction, sizeof point->direction);
+    point->face = -1;
 }
 
 /* Medium draws by phase function, surfaces uniformly. */
@@ -27465,12 +27431,11 @@ static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample 
     const spsi_material *material = spsi_material_of(marcher->frame, part);
     double way[3], back[3], response[3], cosine, value, extinction;
     spsi_point point;
-    memset(&point, 0, sizeof point);
-    spsi_along(path->ray.origin, path->ray.direction, path->ray.high, point.position);
-    memcpy(point.direction, path->ray.direction, sizeof point.direction);
+    spsi_path_event(path, &point);
     point.samples = sample;
+    path->material = material;
     spsi_march_sample(marcher, part, point.position, sample, &value, &extinction);
-    spsi_path_light_gas(marcher, &point, material, path);
+    spsi_path_lights(marcher, &point, path);
     cosine = sample->has_normal ? 2 * spsi_random(&path->random) - 1 : spsi_random_phase(&path->random, material);
     spsi_random_about(&path->random, path->ray.direction, cosine, way);
     for (int i = 0; i < 3; ++i) back[i] = -way[i];
@@ -27481,40 +27446,16 @@ static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample 
     path->off_face = 0;
 }
 
-/* Excludes emission behind the face's plane: no path goes there. */
-static void spsi_path_light_face(const spsi_marcher *marcher, int face, const double plane[3],
-                                 const spsi_surface *surface, const double color[3], spsi_path *path) {
-    const int light_count = path->scattered > 0 ? marcher->frame->lights.count : 0;
-    for (int i = marcher->glow_sum > 0 ? -1 : 0; i < light_count; ++i) {
-        double irradiance[3], passes[3] = {1, 1, 1}, toward[3], emitted[3], through, density;
-        spsi_light at;
-        if (i < 0)
-            spsi_emission_draw(marcher, &path->random, &at);
-        else
-            spsi_reference_point(&marcher->frame->lights.list[i], surface->point, 0, &at);
-        if (!spsi_surface_point_irradiance(marcher->frame, &at, surface, irradiance)) continue;
-        spsi_toward_light(&at, surface->point, toward);
-        if (i < 0 && spsi_dot(toward, plane) * spsi_dot(path->ray.direction, plane) >= 0) continue;
-        if (at.shadows && !spsi_march_visibility(marcher->faces, &at, surface->start, face, passes)) continue;
-        through = spsi_path_transmittance(marcher, &at, surface->point, &path->random);
-        density = irradiance[0] * spsi_dot(toward, toward) / SPSI_PI;
-        if (i < 0)
-            through *= marcher->glow_sum * spsi_emission_at(marcher, surface->point, density, at.position, emitted);
-        if (!(through > 0)) continue;
-        for (int c = 0; c < 3; ++c) irradiance[c] *= color[c] / SPSI_PI * passes[c] * through * (double)at.color[c];
-        spsi_path_take(path, irradiance);
-    }
-}
-
 /* Returns 0 if the path ends. */
 static int spsi_path_on_face(const spsi_marcher *marcher, const spsi_hit *hit, spsi_path *path) {
     const spsi_face *face = &marcher->faces->list[hit->face];
     const double passes[3] = {(double)face->transmittance[0], (double)face->transmittance[1],
                               (double)face->transmittance[2]};
-    double color[3], plane[3], way[3], share;
+    double way[3], share;
     spsi_surface surface;
-    spsi_face_color(face, hit, color);
-    share = spsi_color_mean(passes) + spsi_color_mean(color);
+    spsi_point point;
+    spsi_face_color(face, hit, path->color);
+    share = spsi_color_mean(passes) + spsi_color_mean(path->color);
     if (!(share > 0)) return 0;
     share = spsi_color_mean(passes) / share;
     if (spsi_random(&path->random) < share) {
@@ -27525,15 +27466,18 @@ static int spsi_path_on_face(const spsi_marcher *marcher, const spsi_hit *hit, s
     }
     if (path->off_face || !(share < 1)) return 0;
     for (int c = 0; c < 3; ++c) path->weight[c] /= 1 - share;
-    spsi_along(path->ray.origin, path->ray.direction, path->ray.high, surface.point);
+    spsi_path_event(path, &point);
+    memcpy(surface.point, point.position, sizeof surface.point);
     surface.pixel = 0;
-    spsi_face_plane(face, plane);
-    spsi_surface_face(face, hit, plane, path->ray.direction, &surface);
+    spsi_face_plane(face, path->plane);
+    spsi_surface_face(face, hit, path->plane, path->ray.direction, &surface);
     if (!spsi_normalise(surface.normal)) return 0;
-    spsi_path_light_face(marcher, hit->face, plane, &surface, color, path);
+    point.surface = &surface;
+    point.face = hit->face;
+    spsi_path_lights(marcher, &point, path);
     spsi_random_about(&path->random, surface.normal, sqrt(spsi_random(&path->random)), way);
-    if (spsi_dot(way, plane) * spsi_dot(path->ray.direction, plane) >= 0) return 0; /* into the face */
-    for (int c = 0; c < 3; ++c) path->weight[c] *= color[c];
+    if (spsi_dot(way, path->plane) * spsi_dot(path->ray.direction, path->plane) >= 0) return 0; /* into the face */
+    for (int c = 0; c < 3; ++c) path->weight[c] *= path->color[c];
     spsi_path_turn(path, way, hit->face, spsi_dmax(spsi_dot(way, surface.normal), 0) / SPSI_PI);
     path->off_face = 1;
     return 1;
@@ -27577,24 +27521,11 @@ static void spsi_path_begin(const spsi_marcher *marcher, int x, int y, int n, sp
     const spsi_rays *eye = &marcher->frame->content->eye;
     const int side = marcher->side, sample = n % (side * side);
     const double at[2] = {x + (sample % side + 0.5) / side - 0.5, y + (sample / side + 0.5) / side - 0.5};
-    double start = eye->near_depth;
     memset(path, 0, sizeof *path);
     path->random = spsi_fingerprint_word(SPSI_FINGERPRINT_START, marcher->settings->seed);
     path->random = spsi_fingerprint_word(path->random, (uint64_t)y * (uint64_t)eye->width + (uint64_t)x);
     path->random = spsi_fingerprint_word(path->random, (uint64_t)n);
-    spsi_ray_direction(eye, at[0], at[1], path->ray.direction);
-    if (!(start > -DBL_MAX)) { /* orthographic cameras without near plane see behind their origin */
-        const spsi_bounds *bounds = &marcher->frame->content->bounds;
-        start = -4 * marcher->faces->extent;
-        spsi_ray_point(eye, at[0], at[1], 0, path->ray.origin);
-        for (int i = 0; i < 3; ++i) start -= 2 * fabs(path->ray.origin[i]);
-        for (int i = 0; i < 3 && !spsi_bounds_empty(bounds); ++i)
-            start -= 2 * (fabs(bounds->low[i]) + fabs(bounds->high[i]));
-        start /= spsi_length(path->ray.direction);
-    }
-    spsi_ray_point(eye, at[0], at[1], start, path->ray.origin);
-    spsi_normalise(path->ray.direction);
-    path->ray.high = HUGE_VAL;
+    spsi_march_ray(eye, at[0], at[1], &path->ray);
     path->face = -1;
     path->weight[0] = path->weight[1] = path->weight[2] = 1;
 }
@@ -27660,7 +27591,7 @@ SPSI_COLD sps_result spsi_reference_frame(sps_context *context, const spsi_frame
     marcher->settings = settings;
     marcher->pixel = spsi_march_on;
     marcher->follow = spsi_march_step;
-    marcher->shade = spsi_march_light;
+    marcher->shade = spsi_march_shade;
     if (settings->lower && spsi_bracket_check(context, frame)) return context->result;
     if ((spsi_uses_cells(frame) || spsi_convolves(frame)) && settings->samples == 0)
         return spsi_fail_that(

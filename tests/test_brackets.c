@@ -239,6 +239,7 @@ static void march_voxels(float *values, float most[27], double extinction, spsi_
     for (int k = 0; k < 3; ++k) grid->size[k] = EDGE, grid->bricks[k] = 3, grid->inverse[k][k] = 1;
     grid->all_most = 1;
     frame->medium_count = 1, frame->matter.materials[0].extinction = (float)extinction;
+    frame->matter.materials[0].extinguishes = extinction > 0, marcher->shade = spsi_bracket_shade;
     marcher->frame = frame, marcher->part_count = 2, marcher->step = 0.75;
     for (int k = 0; k < 3; ++k) marcher->bounds.low[k] = 0, marcher->bounds.high[k] = EDGE;
 }

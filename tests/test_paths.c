@@ -371,7 +371,7 @@ static sps_result follow_flames(const flames *f, double step, int samples) {
     sps_image image;
     memset(&settings, 0, sizeof settings);
     memset(&image, 0, sizeof image);
-    settings.step = step, settings.samples = samples, settings.seed = 1, settings.error = flame_error;
+    settings.step = step, settings.samples = samples, settings.seed = 2, settings.error = flame_error;
     image.rgba = flame_image;
     return sps_reference(context, &f->scene, &f->view, &settings, &image);
 }

@@ -1967,6 +1967,78 @@ static sps_result spsi_check_rgb(sps_context *context, sps_result result, sps_ob
     return bad ? spsi_fail_field(context, result, object, index, field, (double)*bad, rule) : context->result;
 }
 
+/* No value is valid if high < low. */
+typedef struct spsi_bounded {
+    const char *field;
+    double value, low, high;
+    const char *rule;
+} spsi_bounded;
+
+/* prefix: start of field names, "" or "grid.". */
+typedef struct spsi_subject {
+    sps_context *context;
+    sps_object object;
+    int index;
+    const char *prefix;
+} spsi_subject;
+
+static sps_result spsi_fail_member(const spsi_subject *at, sps_result result, const char *field, double value,
+                                   const char *rule) {
+    char member[64];
+    SPS_SNPRINTF(member, sizeof member, "%s%s", at->prefix, field);
+    return spsi_fail_field(at->context, result, at->object, at->index, member, value, rule);
+}
+
+static sps_result spsi_wrong(const spsi_subject *at, const char *field, double value, const char *rule) {
+    return spsi_fail_member(at, SPS_ERROR_ARGUMENT, field, value, rule);
+}
+
+static sps_result spsi_wrong_that(const spsi_subject *at, const char *field, double value, const char *rest) {
+    char member[64];
+    SPS_SNPRINTF(member, sizeof member, "%s%s", at->prefix, field);
+    return spsi_fail_that(at->context, SPS_ERROR_ARGUMENT, at->object, at->index, member, value, rest);
+}
+
+/* Exactly one of two fields must be set. */
+SPSI_COLD sps_result spsi_check_either(const spsi_subject *at, const char *first, const char *second, int has_first,
+                                       int has_second) {
+    char rest[96];
+    if (has_first != has_second) return at->context->result;
+    SPS_SNPRINTF(rest, sizeof rest, "and %s are both %s; exactly one must be set", second, has_first ? "set" : "NULL");
+    return spsi_wrong_that(at, first, 0, rest);
+}
+
+/* Reports the first field out of bounds or NaN. Further checks may follow: only the first failure is recorded. */
+static sps_result spsi_check_bounded(const spsi_subject *at, const spsi_bounded *list, size_t count) {
+    for (size_t i = 0; i < count; ++i)
+        if (!(list[i].value >= list[i].low && list[i].value <= list[i].high))
+            spsi_wrong(at, list[i].field, list[i].value, list[i].rule);
+    return at->context->result;
+}
+
+SPSI_COLD sps_result spsi_check_vector(const spsi_subject *at, const char *field, const double v[3]) {
+    const double *bad = spsi_bad_coordinate(v, 3);
+    return bad ? spsi_wrong(at, field, *bad, "it must be within 1e15") : at->context->result;
+}
+
+static sps_result spsi_check_list(const spsi_subject *at, const char *list, const double *v, int count) {
+    const double *bad = spsi_bad_coordinate(v, count);
+    char field[32];
+    if (!bad) return SPS_OK;
+    SPS_SNPRINTF(field, sizeof field, "%s[%d]", list, (int)(bad - v));
+    return spsi_wrong(at, field, *bad, "it must be within 1e15");
+}
+
+/* most: 1 or SPSI_VALUE_MAX. */
+static sps_result spsi_check_color(const spsi_subject *at, const char *field, const float color[3], float most) {
+    return spsi_check_rgb(at->context, SPS_ERROR_ARGUMENT, at->object, at->index, field, color, most);
+}
+
+SPSI_COLD sps_result spsi_check_canaries(const spsi_subject *at, uint32_t start, uint32_t end) {
+    if (!start && !end) return SPS_OK;
+    return spsi_wrong(at, start ? "start_canary" : "end_canary", (double)(start ? start : end), SPSI_NOT_ZEROED);
+}
+
 static void spsi_free(sps_context *context, void *block, size_t bytes) {
     if (context->config.free_fn)
         context->config.free_fn(context->config.alloc_user, block, bytes);
@@ -2713,21 +2785,21 @@ static inline void spsi_classify(const spsi_material *material, spsi_v value, sp
 }
 
 /* Checks points[i], or eval_fn's result if i < 0. */
-SPSI_COLD sps_result spsi_transfer_check_point(sps_context *context, int volume, const sps_transfer_point *point, int i,
+SPSI_COLD sps_result spsi_transfer_check_point(const spsi_subject *at, const sps_transfer_point *point, int i,
                                                float value) {
     const float *bad = spsi_bad_color(point->albedo, 1);
-    char field[64];
+    const char *member = bad ? "albedo" : "extinction";
+    char field[48];
     if (!bad && point->extinction >= 0 && point->extinction <= SPSI_VALUE_MAX) return SPS_OK;
     if (i < 0)
-        SPS_SNPRINTF(field, sizeof field, "transfer.eval_fn(%g).%s", (double)value, bad ? "albedo" : "extinction");
+        SPS_SNPRINTF(field, sizeof field, "eval_fn(%g).%s", (double)value, member);
     else
-        SPS_SNPRINTF(field, sizeof field, "transfer.points[%d].%s", i, bad ? "albedo" : "extinction");
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, volume, field,
-                           (double)(bad ? *bad : point->extinction),
-                           bad ? "red, green and blue must be 0..1" : "it must be 0..1e18");
+        SPS_SNPRINTF(field, sizeof field, "points[%d].%s", i, member);
+    return spsi_wrong(at, field, (double)(bad ? *bad : point->extinction),
+                      bad ? "red, green and blue must be 0..1" : "it must be 0..1e18");
 }
 
-SPSI_COLD void spsi_transfer_at_points(const sps_transfer *transfer, float value, float out[4]) {
+SPSI_COLD void spsi_transfer_at_points(const sps_transfer *transfer, float value, sps_transfer_point *out) {
     const sps_transfer_point *points = transfer->points;
     int high = 0;
     float t = 0;
@@ -2736,73 +2808,61 @@ SPSI_COLD void spsi_transfer_at_points(const sps_transfer *transfer, float value
     if (points[high].value > points[low].value)
         t = (value - points[low].value) / (points[high].value - points[low].value);
     t = t < 0 ? 0 : t > 1 ? 1 : t;
-    for (int c = 0; c < 3; ++c) out[c] = points[low].albedo[c] + t * (points[high].albedo[c] - points[low].albedo[c]);
-    out[3] = points[low].extinction + t * (points[high].extinction - points[low].extinction);
+    for (int c = 0; c < 3; ++c)
+        out->albedo[c] = points[low].albedo[c] + t * (points[high].albedo[c] - points[low].albedo[c]);
+    out->extinction = points[low].extinction + t * (points[high].extinction - points[low].extinction);
 }
 
-SPSI_COLD sps_result spsi_transfer_from_callback(sps_context *context, const sps_transfer *transfer, int volume,
-                                                 float last, spsi_table *table) {
-    enum { BATCH = 64 };
-    float values[BATCH];
-    sps_transfer_point points[BATCH];
-    for (int first = 0; first <= SPSI_TABLE_SIZE; first += BATCH) {
-        const int count = spsi_imin(BATCH, SPSI_TABLE_SIZE + 1 - first);
-        memset(points, 0, sizeof points);
-        for (int i = 0; i < count; ++i) values[i] = last * (float)(first + i) / SPSI_TABLE_SIZE;
-        if (spsi_check_call(context, SPS_OBJECT_VOLUME, volume, "transfer.eval_fn",
-                            transfer->eval_fn(transfer->user, (size_t)count, values, points)))
-            return context->result;
-        for (int i = 0; i < count; ++i) {
-            if (spsi_transfer_check_point(context, volume, &points[i], -1, values[i])) return context->result;
-            memcpy(table->entry[first + i], points[i].albedo, 3 * sizeof(float));
-            table->entry[first + i][3] = points[i].extinction;
-        }
-    }
-    return SPS_OK;
-}
-
-SPSI_COLD sps_result spsi_transfer_check(sps_context *context, const sps_transfer *transfer, int volume) {
-    char text[96];
-    if (!transfer->points == !transfer->eval_fn) {
-        SPS_SNPRINTF(text, sizeof text, "and eval_fn are both %s; exactly one must be set",
-                     transfer->points ? "set" : "NULL");
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, volume, "transfer.points", 0, text);
-    }
-    if (transfer->points && transfer->point_count < 1)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, volume, "transfer.point_count",
-                               transfer->point_count, "it must be at least 1");
-    for (int i = 0; i < transfer->point_count && transfer->points; ++i) {
+SPSI_COLD sps_result spsi_transfer_check(const spsi_subject *at, const sps_transfer *transfer) {
+    const int has_points = transfer->points != NULL;
+    const spsi_bounded numbers[] = {
+        {"point_count", (double)transfer->point_count, has_points ? 1 : -HUGE_VAL, HUGE_VAL, "it must be at least 1"},
+        {"value_max", (double)transfer->value_max, transfer->value_max > 0 ? (double)SPSI_VALUE_MIN : 0,
+         (double)SPSI_VALUE_MAX, "it must be 0 or 1e-30..1e18"}};
+    if (spsi_check_either(at, "points", "eval_fn", has_points, transfer->eval_fn != NULL) ||
+        spsi_check_bounded(at, numbers, sizeof numbers / sizeof *numbers))
+        return at->context->result;
+    for (int i = 0; i < transfer->point_count && has_points; ++i) {
         const float value = transfer->points[i].value;
-        if (!(value >= 0 && value <= SPSI_VALUE_MAX) || (i > 0 && !(value > transfer->points[i - 1].value))) {
-            SPS_SNPRINTF(text, sizeof text, "transfer.points[%d].value", i);
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, volume, text, (double)value,
-                                   "values must be 0..1e18 and rise from point to point");
-        }
-        if (spsi_transfer_check_point(context, volume, &transfer->points[i], i, value)) return context->result;
+        char field[32];
+        if (spsi_transfer_check_point(at, &transfer->points[i], i, value)) return at->context->result;
+        if (value >= 0 && value <= SPSI_VALUE_MAX && (i == 0 || value > transfer->points[i - 1].value)) continue;
+        SPS_SNPRINTF(field, sizeof field, "points[%d].value", i);
+        return spsi_wrong(at, field, (double)value, "values must be 0..1e18 and rise from point to point");
     }
-    if (!(transfer->value_max >= 0 && transfer->value_max <= SPSI_VALUE_MAX) ||
-        (transfer->value_max > 0 && transfer->value_max < SPSI_VALUE_MIN))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, volume, "transfer.value_max",
-                               (double)transfer->value_max, "it must be 0 or 1e-30..1e18");
     return SPS_OK;
 }
 
 SPSI_COLD sps_result spsi_transfer_tabulate(sps_context *context, const sps_transfer *transfer, int volume,
                                             spsi_material *material) {
-    float last = transfer->value_max;
-    if (spsi_transfer_check(context, transfer, volume)) return context->result;
+    enum { BATCH = 64 };
+    const spsi_subject at = {context, SPS_OBJECT_VOLUME, volume, "transfer."};
+    float values[BATCH], last = transfer->value_max;
+    sps_transfer_point points[BATCH];
+    if (spsi_transfer_check(&at, transfer)) return context->result;
     if (!(last > 0) && transfer->points) last = transfer->points[transfer->point_count - 1].value;
     if (!(last >= SPSI_VALUE_MIN)) last = 1; /* smaller values count as 0 */
     material->table_scale = SPSI_TABLE_SIZE / last;
-    if (!transfer->points && spsi_transfer_from_callback(context, transfer, volume, last, material->table))
-        return context->result;
     material->table->last_clear = 0;
-    for (int i = 0; i <= SPSI_TABLE_SIZE; ++i) {
-        float *entry = material->table->entry[i];
-        if (transfer->points) spsi_transfer_at_points(transfer, last * (float)i / SPSI_TABLE_SIZE, entry);
-        material->extinguishes |= entry[3] > 0;
-        if (!material->extinguishes) material->table->last_clear = (float)i;
-        material->scatters |= entry[3] > 0 && !spsi_black(entry);
+    for (int first = 0; first <= SPSI_TABLE_SIZE; first += BATCH) {
+        const int count = spsi_imin(BATCH, SPSI_TABLE_SIZE + 1 - first);
+        memset(points, 0, sizeof points);
+        for (int i = 0; i < count; ++i) {
+            values[i] = last * (float)(first + i) / SPSI_TABLE_SIZE;
+            if (transfer->points) spsi_transfer_at_points(transfer, values[i], &points[i]);
+        }
+        if (!transfer->points && spsi_check_call(context, SPS_OBJECT_VOLUME, volume, "transfer.eval_fn",
+                                                 transfer->eval_fn(transfer->user, (size_t)count, values, points)))
+            return context->result;
+        for (int i = 0; i < count; ++i) {
+            float *entry = material->table->entry[first + i];
+            if (!transfer->points && spsi_transfer_check_point(&at, &points[i], -1, values[i])) return context->result;
+            memcpy(entry, points[i].albedo, 3 * sizeof *entry);
+            entry[3] = points[i].extinction;
+            material->extinguishes |= entry[3] > 0;
+            if (!material->extinguishes) material->table->last_clear = (float)(first + i);
+            material->scatters |= entry[3] > 0 && !spsi_black(entry);
+        }
     }
     return SPS_OK;
 }
@@ -4090,62 +4150,6 @@ SPSI_COLD void spsi_placement_resolve(const sps_placement *from, sps_placement *
     for (int i = 0; i < 3 && zero; ++i) to->axis[i][i] = 1;
 }
 
-/* No value is valid if high < low. */
-typedef struct spsi_bounded {
-    const char *field;
-    double value, low, high;
-    const char *rule;
-} spsi_bounded;
-
-/* prefix: start of field names, "" or "grid.". */
-typedef struct spsi_subject {
-    sps_context *context;
-    sps_object object;
-    int index;
-    const char *prefix;
-} spsi_subject;
-
-static sps_result spsi_fail_member(const spsi_subject *at, sps_result result, const char *field, double value,
-                                   const char *rule) {
-    char member[64];
-    SPS_SNPRINTF(member, sizeof member, "%s%s", at->prefix, field);
-    return spsi_fail_field(at->context, result, at->object, at->index, member, value, rule);
-}
-
-static sps_result spsi_wrong(const spsi_subject *at, const char *field, double value, const char *rule) {
-    return spsi_fail_member(at, SPS_ERROR_ARGUMENT, field, value, rule);
-}
-
-static sps_result spsi_wrong_that(const spsi_subject *at, const char *field, double value, const char *rest) {
-    return spsi_fail_that(at->context, SPS_ERROR_ARGUMENT, at->object, at->index, field, value, rest);
-}
-
-/* Reports the first field out of bounds or NaN. Further checks may follow: only the first failure is recorded. */
-static sps_result spsi_check_bounded(const spsi_subject *at, const spsi_bounded *list, size_t count) {
-    for (size_t i = 0; i < count; ++i)
-        if (!(list[i].value >= list[i].low && list[i].value <= list[i].high))
-            spsi_wrong(at, list[i].field, list[i].value, list[i].rule);
-    return at->context->result;
-}
-
-SPSI_COLD sps_result spsi_check_vector(const spsi_subject *at, const char *field, const double v[3]) {
-    const double *bad = spsi_bad_coordinate(v, 3);
-    return bad ? spsi_wrong(at, field, *bad, "it must be within 1e15") : at->context->result;
-}
-
-static sps_result spsi_check_list(const spsi_subject *at, const char *list, const double *v, int count) {
-    const double *bad = spsi_bad_coordinate(v, count);
-    char field[32];
-    if (!bad) return SPS_OK;
-    SPS_SNPRINTF(field, sizeof field, "%s[%d]", list, (int)(bad - v));
-    return spsi_wrong(at, field, *bad, "it must be within 1e15");
-}
-
-/* most: 1 or SPSI_VALUE_MAX. */
-static sps_result spsi_check_color(const spsi_subject *at, const char *field, const float color[3], float most) {
-    return spsi_check_rgb(at->context, SPS_ERROR_ARGUMENT, at->object, at->index, field, color, most);
-}
-
 SPSI_COLD sps_result spsi_check_placement(const spsi_subject *at, const sps_placement *placement) {
     const double determinant = spsi_determinant(placement->axis[0], placement->axis[1], placement->axis[2]);
     double room = 1e-14;
@@ -4161,11 +4165,6 @@ SPSI_COLD sps_result spsi_check_placement(const spsi_subject *at, const sps_plac
 
 SPSI_COLD int spsi_volume_present(const sps_volume *volume) {
     return volume->size[0] > 0 && volume->size[1] > 0 && volume->size[2] > 0;
-}
-
-SPSI_COLD sps_result spsi_check_canaries(const spsi_subject *at, uint32_t start, uint32_t end) {
-    if (!start && !end) return SPS_OK;
-    return spsi_wrong(at, start ? "start_canary" : "end_canary", (double)(start ? start : end), SPSI_NOT_ZEROED);
 }
 
 SPSI_COLD sps_result spsi_check_lobes(const spsi_subject *at, const sps_lobe *lobes, int count) {
@@ -4186,20 +4185,17 @@ SPSI_COLD sps_result spsi_check_lobes(const spsi_subject *at, const sps_lobe *lo
 SPSI_COLD sps_result spsi_check_array(const spsi_subject *at, const sps_volume *volume) {
     const spsi_subject part = {at->context, at->object, at->index, "grid."};
     const sps_grid *grid = (const sps_grid *)volume->user;
-    const char *field = NULL, *rule = "it must be finite";
-    double value = 0;
     if (volume->read_fn != sps_grid_read) return SPS_OK;
     if (!grid) return spsi_wrong_that(at, "user", 0, "is NULL; with sps_grid_read it must be an sps_grid");
     if (spsi_check_canaries(&part, grid->start_canary, grid->end_canary)) return at->context->result;
-    if (!grid->voxels) return spsi_wrong_that(at, "grid.voxels", 0, SPSI_IS_NULL);
+    if (!grid->voxels) return spsi_wrong_that(&part, "voxels", 0, SPSI_IS_NULL);
+    const spsi_bounded numbers[] = {
+        {"format", (double)(int)grid->format, SPS_VOXEL_U8, SPS_VOXEL_F32, "it must be an sps_voxel_format"},
+        {"offset", (double)grid->offset, -(double)FLT_MAX, (double)FLT_MAX, "it must be finite"},
+        {"scale", (double)grid->scale, -(double)FLT_MAX, (double)FLT_MAX, "it must be finite"}};
     for (int k = 0; k < 3; ++k)
-        if (grid->size[k] != volume->size[k])
-            field = "size", value = grid->size[k], rule = "it must be the volume's size";
-    if (!(fabsf(grid->scale) <= FLT_MAX)) field = "scale", value = (double)grid->scale;
-    if (!(fabsf(grid->offset) <= FLT_MAX)) field = "offset", value = (double)grid->offset;
-    if ((int)grid->format < SPS_VOXEL_U8 || grid->format > SPS_VOXEL_F32)
-        field = "format", value = (int)grid->format, rule = "it must be an sps_voxel_format";
-    return field ? spsi_wrong(&part, field, value, rule) : SPS_OK;
+        if (grid->size[k] != volume->size[k]) spsi_wrong(&part, "size", grid->size[k], "it must be the volume's size");
+    return spsi_check_bounded(&part, numbers, sizeof numbers / sizeof *numbers);
 }
 
 SPSI_COLD sps_result spsi_check_volume(sps_context *context, const sps_volume *volume, int i) {
@@ -4215,14 +4211,10 @@ SPSI_COLD sps_result spsi_check_volume(sps_context *context, const sps_volume *v
         {"specular", (double)volume->specular, 0, 1, "it must be 0..1"},
         {"shininess", (double)volume->shininess, 0, 1e4, "it must be 0..10000"},
         {"shading", (double)(int)volume->shading, 0, SPS_SHADING_SURFACE, "it must be an sps_shading"}};
-    char text[96];
     spsi_check_canaries(&at, volume->start_canary, volume->end_canary);
     if (spsi_check_bounded(&at, sizes, 3) || !spsi_volume_present(volume)) return context->result;
-    if (!volume->read_fn == !volume->eval_fn) {
-        SPS_SNPRINTF(text, sizeof text, "and eval_fn are both %s; exactly one must be set",
-                     volume->read_fn ? "set" : "NULL");
-        return spsi_wrong_that(&at, "read_fn", 0, text);
-    }
+    if (spsi_check_either(&at, "read_fn", "eval_fn", volume->read_fn != NULL, volume->eval_fn != NULL))
+        return context->result;
     spsi_check_array(&at, volume);
     spsi_check_lobes(&at, volume->lobes, volume->lobe_count);
     spsi_check_bounded(&at, looks, sizeof looks / sizeof *looks);
@@ -4367,7 +4359,7 @@ SPSI_COLD sps_result spsi_check_projector(const spsi_subject *at, const sps_ligh
     double direction[3], along[2] = {0, 0}, reach;
     if (!projector) return at->context->result;
     if (spsi_check_canaries(&part, projector->start_canary, projector->end_canary)) return at->context->result;
-    if (!projector->sample_fn) return spsi_wrong_that(at, "projector.sample_fn", 0, SPSI_IS_NULL);
+    if (!projector->sample_fn) return spsi_wrong_that(&part, "sample_fn", 0, SPSI_IS_NULL);
     memcpy(direction, light->direction, sizeof direction);
     spsi_normalise(direction);
     for (int axis = 0; axis < 2 && light->kind >= SPS_LIGHT_DISC; ++axis)
@@ -4388,15 +4380,6 @@ SPSI_COLD sps_result spsi_check_projector(const spsi_subject *at, const sps_ligh
         if (spsi_check_bounded(&part, numbers, sizeof numbers / sizeof *numbers)) return at->context->result;
     }
     return spsi_check_vector(at, "projector.up", projector->up);
-}
-
-SPSI_COLD sps_result spsi_check_extent(const spsi_subject *at, const sps_light *light) {
-    for (int axis = 0; axis < 2 && light->kind >= SPS_LIGHT_DISC; ++axis)
-        spsi_check_vector(at, axis ? "axes[1]" : "axes[0]", light->axes[axis]);
-    if (light->shadow_map && spsi_light_extended(light))
-        spsi_fail_that(at->context, SPS_ERROR_UNSUPPORTED, at->object, at->index, "shadow_map", 0,
-                       "holds the shadow of a single point; an extended light has none");
-    return at->context->result;
 }
 
 SPSI_COLD sps_result spsi_check_light(sps_context *context, const sps_light *light, int i) {
@@ -4430,7 +4413,12 @@ SPSI_COLD sps_result spsi_check_light(sps_context *context, const sps_light *lig
         return spsi_wrong(&at, "direction", direction[k], "it must be finite and have a length");
     }
     if (!directional || light->projector) spsi_check_vector(&at, "position", light->position);
-    if (spsi_check_extent(&at, light) || spsi_check_projector(&at, light)) return context->result;
+    for (int axis = 0; axis < 2 && light->kind >= SPS_LIGHT_DISC; ++axis)
+        spsi_check_vector(&at, axis ? "axes[1]" : "axes[0]", light->axes[axis]);
+    if (light->shadow_map && spsi_light_extended(light))
+        spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, at.object, i, "shadow_map", 0,
+                       "holds the shadow of a single point; an extended light has none");
+    if (context->result || spsi_check_projector(&at, light)) return context->result;
     return light->shadow_map ? spsi_check_shadow_map(&at, light) : SPS_OK;
 }
 
@@ -4578,14 +4566,14 @@ SPSI_COLD sps_result spsi_rays_build(sps_context *context, sps_object object, co
         const int fits = spsi_rays_from_matrix(rays, camera->world_to_clip);
         const int transposed = rays->perspective && spsi_is_transposed(camera->world_to_clip);
         if (fits && !transposed) return SPS_OK;
-        return spsi_wrong_that(&at, "camera.world_to_clip", 0,
+        return spsi_wrong_that(&at, "world_to_clip", 0,
                                transposed ? "looks transposed: it must be row-major; if it is, set row 2 to 0 0 0 2"
                                           : "cannot be inverted");
     }
     if (spsi_rays_from_camera(rays, camera)) return SPS_OK;
     spsi_along(camera->target, camera->position, -1, forward);
     if (!spsi_normalise(forward))
-        return spsi_wrong_that(&at, "camera.position", 0, "and camera.target are the same point");
+        return spsi_wrong_that(&at, "position", 0, "and camera.target are the same point");
     return spsi_wrong(&at, rays->perspective ? "field_of_view" : "ortho_height",
                       rays->perspective ? camera->field_of_view : camera->ortho_height,
                       "pixels of that size cannot be told apart, or do not fit into the world");
@@ -4709,29 +4697,32 @@ static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bo
     }
 }
 
+static int spsi_volume_shows(const sps_volume *volume) {
+    return spsi_volume_present(volume) && (volume->transfer || volume->extinction > 0 || !spsi_black(volume->emission));
+}
+
 SPSI_COLD sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
-    int classified = 0;
+    size_t classified = 0;
     for (int i = 0; i < scene->volume_count; ++i) {
         const sps_volume *volume = &scene->volumes[i];
-        const int visible = volume->transfer || volume->extinction > 0 || !spsi_black(volume->emission);
+        if (!spsi_volume_shows(volume)) continue;
+        classified += volume->transfer != NULL;
+        frame->matter.light_channel_count |= !volume->transfer; /* channel 0: unclassified */
+    }
+    spsi_table *table = (spsi_table *)spsi_reserve(context, SPSI_BUFFER_TABLES, classified, sizeof(spsi_table));
+    if (!table) return context->result;
+    for (int i = 0; i < scene->volume_count; ++i) {
+        const sps_volume *volume = &scene->volumes[i];
         spsi_medium *medium = &frame->media[frame->medium_count];
-        if (!spsi_volume_present(volume) || !visible) continue;
+        if (!spsi_volume_shows(volume)) continue;
         if (frame->medium_count == SPSI_VOLUMES_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "volume_count",
                                    scene->volume_count, "at most 64 volumes may hold voxels");
         spsi_medium_build(volume, i, &frame->lattices[frame->medium_count], medium);
-        medium->lattice->medium = frame->medium_count;
-        if (spsi_medium_place(context, volume, medium)) return context->result;
-        frame->medium_count += 1;
-        classified += volume->transfer != NULL;
-        frame->matter.light_channel_count |= !volume->transfer; /* channel 0: unclassified */
-    }
-    spsi_table *table = (spsi_table *)spsi_reserve(context, SPSI_BUFFER_TABLES, (size_t)classified, sizeof(spsi_table));
-    if (!table) return context->result;
-    for (int i = 0; i < frame->medium_count; ++i) {
-        spsi_medium *medium = &frame->media[i];
-        if (spsi_add_material(context, frame, medium, table)) return context->result;
-        table += medium->given.transfer != NULL;
+        medium->lattice->medium = frame->medium_count++;
+        if (spsi_medium_place(context, volume, medium) || spsi_add_material(context, frame, medium, table))
+            return context->result;
+        table += volume->transfer != NULL;
         spsi_medium_bounds(medium, SPSI_REACH, &frame->content->bounds);
     }
     return SPS_OK;
@@ -25995,18 +25986,14 @@ SPSI_COLD double spsi_forward_fade(double t, double *taken) {
 /* Forward multiple scattering by the series, per unit of a sample's optical depth and unattenuated irradiance. */
 SPSI_COLD void spsi_march_forward(const spsi_material *material, const spsi_sample *sample, double cosine, double depth,
                                   double sent[3]) {
-    float last = 0;
     double taken;
     const double shown = spsi_forward_fade(depth, &taken);
     spsi_legendre series;
     spsi_legendre_moments(material, 0, &series);
     for (int c = 0; c < 3; ++c) {
         const float color = spsi_one(sample->color[c]);
-        if (c > 0 && color == last) {
-            sent[c] = sent[c - 1];
-            continue;
-        }
-        last = color;
+        if (c > 0) sent[c] = sent[c - 1];
+        if (c > 0 && color == spsi_one(sample->color[c - 1])) continue;
         spsi_legendre_orders(&series, (double)color, taken);
         sent[c] = shown * spsi_forward_at(material, &series, taken, cosine);
         sent[c] *= (double)color * (sample->has_normal ? 1 - (double)spsi_one(sample->surface) : 1);
@@ -26154,14 +26141,19 @@ SPSI_COLD void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sam
     walker->ended = !(passes.high > 0 && (walker->filter[0] > 0 || walker->filter[1] > 0 || walker->filter[2] > 0));
 }
 
+#define SPSI_MARCH_SPAN 8 /* pixels of a row per task */
+
+static int spsi_march_spans(int width) { return (width + SPSI_MARCH_SPAN - 1) / SPSI_MARCH_SPAN; }
+
 /* Whole rows per task would make workers wait. */
-static void spsi_march_pixel_task(void *data, int index, int worker) {
+static void spsi_march_span_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
-    const int *region = marcher->frame->view.region;
-    const int row = marcher->first_row + index / region[2], x = index % region[2];
-    marcher->pixel(marcher, region[0] + x, region[1] + row,
-                   marcher->samples + (size_t)worker * (size_t)marcher->part_count,
-                   &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x]);
+    const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
+    const int row = marcher->first_row + index / spans, first = index % spans * SPSI_MARCH_SPAN;
+    spsi_sample *samples = marcher->samples + (size_t)worker * (size_t)marcher->part_count;
+    for (int x = first; x < spsi_imin(region[2], first + SPSI_MARCH_SPAN); ++x)
+        marcher->pixel(marcher, region[0] + x, region[1] + row, samples,
+                       &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x]);
 }
 
 /* `done`: progress so far. */
@@ -26170,8 +26162,8 @@ static sps_result spsi_march_pixels(sps_context *context, spsi_marcher *marcher,
     const int rows = spsi_worker_count(context); /* per call of progress_fn: one row can take a second */
     for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
         if (spsi_progress(context, done + share * marcher->first_row / region[3])) return context->result;
-        spsi_parallel(context, spsi_imin(rows, region[3] - marcher->first_row) * region[2], spsi_march_pixel_task,
-                      marcher);
+        spsi_parallel(context, spsi_imin(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
+                      spsi_march_span_task, marcher);
     }
     return SPS_OK;
 }
@@ -26287,7 +26279,7 @@ static void spsi_dense_task(void *data, int index, int worker) {
         }
 }
 
-static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame, int medium, const spsi_dense *grid) {
+static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame, int medium, spsi_dense *grid) {
     spsi_material plain;
     spsi_dense_job job;
     memset(&plain, 0, sizeof plain); /* not classified: blocks without margins */
@@ -26306,6 +26298,7 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
                 const size_t row = (size_t)z * (size_t)grid->size[1] + (size_t)y;
                 const float value = grid->values[row * (size_t)grid->size[0] + (size_t)x];
                 if (!(value > 0)) continue;
+                grid->all_most = spsi_dmax(grid->all_most, (double)value);
                 for (int n = 0; n < 27; ++n) { /* beyond the border, border bricks repeat */
                     const int at[3] = {b[0] + n % 3 - 1, b[1] + n / 3 % 3 - 1, b[2] + n / 9 - 1};
                     int brick = 0;
@@ -26604,16 +26597,18 @@ SPSI_COLD void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray,
     step->lit = any && before.low < SPSI_BRACKET_DARK;
 }
 
+/* `m`: volume, or set of particles, which light does not reach. */
 SPSI_COLD spsi_enclosure spsi_step_integral(const spsi_marcher *marcher, const spsi_step *step, int m,
                                             const spsi_incoming *incoming) {
     const spsi_step_gas *gas = &step->gas[m];
     const double h = step->ray.high - step->ray.low;
+    const int set = m - marcher->frame->medium_count;
     const double extinction = (double)spsi_material_of(marcher->frame, m)->extinction;
     spsi_enclosure result, points = {0, 0};
     spsi_series w = step->passes, product;
-    if (!(gas->length.high > 0)) return points;
-    result.low = gas->length.low * exp(-step->before.high - step->depth.high);
-    result.high = gas->length.high * exp(-step->before.low);
+    result.low = (set < 0 ? gas->length.low : step->particles[set]) * exp(-step->before.high - step->depth.high);
+    result.high = (set < 0 ? gas->length.high : step->particles[set]) * exp(-step->before.low);
+    if (set >= 0 || !(result.high > 0)) return result;
     if (marcher->part_count == 1 && extinction > 0) { /* absorption is the drop of transmittance */
         result.low = spsi_dmax(result.low, exp(-step->before.high) * -expm1(-step->depth.low) / extinction);
         result.high = spsi_dmin(result.high, exp(-step->before.low) * -expm1(-step->depth.high) / extinction);
@@ -26803,51 +26798,32 @@ typedef struct spsi_step_light {
     double source[3]; /* greatest radiance, were it opaque */
 } spsi_step_light;
 
+/* `light`: NULL for ambient light and emission. */
 SPSI_COLD void spsi_step_add_light(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *light,
                                    const spsi_enclosure passes[3], spsi_step_light *sum) {
     double source[3] = {0, 0, 0};
     spsi_incoming incoming;
     spsi_incoming_plain(&incoming);
-    spsi_incoming_fall(marcher, step, light, &incoming);
-    if (light->shadows && step->lit)
+    if (light) spsi_incoming_fall(marcher, step, light, &incoming);
+    if (light && light->shadows && step->lit)
         spsi_incoming_shade(marcher, step, light, &incoming);
-    else if (light->shadows)
+    else if (light && light->shadows)
         incoming.passes.low = 0, incoming.smooth = 0;
-    for (int m = 0; m < marcher->frame->medium_count; ++m) {
-        const spsi_material *material = spsi_material_of(marcher->frame, m);
-        spsi_incoming sent = incoming;
-        if (!material->scatters) continue;
-        spsi_incoming_phase(step, light, material, &sent);
-        spsi_enclosure integral = spsi_step_integral(marcher, step, m, &sent);
-        for (int c = 0; c < 3; ++c) {
-            const double share = (double)material->albedo[c] * (double)light->color[c];
-            spsi_enclosure_add(&sum->light[c], share * (double)material->extinction * integral.low * passes[c].low,
-                               share * (double)material->extinction * integral.high * passes[c].high);
-            source[c] = spsi_dmax(source[c], share * sent.range.high);
-        }
-    }
-    for (int c = 0; c < 3; ++c) sum->source[c] += source[c];
-}
-
-SPSI_COLD void spsi_step_add_own(const spsi_marcher *marcher, const spsi_step *step, spsi_step_light *sum) {
-    const spsi_frame *frame = marcher->frame;
-    double source[3] = {0, 0, 0};
-    spsi_incoming incoming;
-    spsi_incoming_plain(&incoming);
     for (int part = 0; part < marcher->part_count; ++part) {
-        const spsi_material *material = spsi_material_of(frame, part);
-        const int is_volume = part < frame->medium_count;
-        const double taken = is_volume ? 0 : step->particles[part - frame->medium_count];
-        spsi_enclosure light =
-            spsi_enclosure_of(taken * exp(-step->before.high - step->depth.high), taken * exp(-step->before.low));
-        if (spsi_black(material->ambient) && !material->emits) continue;
-        if (is_volume) light = spsi_step_integral(marcher, step, part, &incoming);
+        const spsi_material *material = spsi_material_of(marcher->frame, part);
+        const double extinction = part < marcher->frame->medium_count ? (double)material->extinction : 1;
+        spsi_incoming sent = incoming;
+        if (light ? !material->scatters : spsi_black(material->ambient) && !material->emits) continue;
+        if (light) spsi_incoming_phase(step, light, material, &sent);
+        const spsi_enclosure integral = spsi_step_integral(marcher, step, part, &sent);
         for (int c = 0; c < 3; ++c) {
-            const double extinction = is_volume ? (double)material->extinction : 1;
-            const double share = extinction * (double)material->albedo[c] * (double)material->ambient[c] +
-                                 (double)material->emission[c];
-            spsi_enclosure_add(&sum->light[c], share * light.low, share * light.high);
-            if (share > 0) source[c] = spsi_dmax(source[c], extinction > 0 ? share / extinction : HUGE_VAL);
+            const double falls = (double)(light ? light->color[c] : material->ambient[c]);
+            const double share = extinction * (double)material->albedo[c] * falls +
+                                 (light ? 0 : (double)material->emission[c]);
+            spsi_enclosure_add(&sum->light[c], share * integral.low * passes[c].low,
+                               share * integral.high * passes[c].high);
+            if (!(share > 0)) continue;
+            source[c] = spsi_dmax(source[c], extinction > 0 ? share / extinction * sent.range.high : HUGE_VAL);
         }
     }
     for (int c = 0; c < 3; ++c) sum->source[c] += source[c];
@@ -26950,17 +26926,18 @@ SPSI_COLD int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *s
 /* Returns 0 if the step must be halved. */
 SPSI_COLD int spsi_step_follow(const spsi_marcher *marcher, const spsi_ray *ray, int halvings, spsi_enclosure before,
                                spsi_step_light *sum) {
-    const spsi_frame *frame = marcher->frame;
+    const spsi_enclosure all[3] = {{1, 1}, {1, 1}, {1, 1}};
     spsi_step step;
     memset(sum, 0, sizeof *sum);
     spsi_step_build(marcher, ray, before, &step);
     if (spsi_step_too_long(marcher, &step, halvings)) return 0;
     for (int i = 0; i < marcher->light_count; ++i) {
         spsi_enclosure passes[3] = {{0, 1}, {0, 1}, {0, 1}};
-        if (step.lit) spsi_step_cover(marcher->faces, &frame->lights.list[i], &step, passes);
-        spsi_step_add_light(marcher, &step, &frame->lights.list[i], passes, sum);
+        const spsi_light *light = &marcher->frame->lights.list[i];
+        if (step.lit) spsi_step_cover(marcher->faces, light, &step, passes);
+        spsi_step_add_light(marcher, &step, light, passes, sum);
     }
-    spsi_step_add_own(marcher, &step, sum);
+    spsi_step_add_light(marcher, &step, NULL, all, sum);
     sum->depth = step.depth;
     for (int c = 0; c < 3 && step.lit && halvings < SPSI_BRACKET_EDGES; ++c)
         if (sum->light[c].high - sum->light[c].low > SPSI_BRACKET_WIDE * sum->source[c]) return 0;
@@ -27022,11 +26999,8 @@ SPSI_COLD sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marc
     for (int m = 0; m < frame->medium_count; ++m)
         if (spsi_material_of(frame, m)->scatters) marcher->light_count = frame->lights.count;
     for (int m = 0; m < frame->medium_count; ++m) {
-        spsi_dense *grid = &marcher->grids[m];
-        const size_t bricks = (size_t)grid->bricks[0] * (size_t)grid->bricks[1] * (size_t)grid->bricks[2];
-        for (size_t i = 0; i < bricks; ++i) grid->all_most = spsi_dmax(grid->all_most, (double)grid->most[i]);
         for (int k = 0; k < 3; ++k)
-            marcher->step = spsi_dmin(marcher->step, SPSI_BRACKET_STEP / spsi_length(grid->inverse[k]));
+            marcher->step = spsi_dmin(marcher->step, SPSI_BRACKET_STEP / spsi_length(marcher->grids[m].inverse[k]));
         spsi_medium_bounds(&frame->media[m], SPSI_BRACKET_REACH, &marcher->bounds);
     }
     spsi_along(marcher->bounds.high, marcher->bounds.low, -1, across);
@@ -27181,19 +27155,27 @@ static double spsi_tracker_next(spsi_tracker *tracker, uint64_t *random) {
     return spsi_dmin(spsi_extinction_at(tracker->material, value, NULL) / tracker->bound, 1);
 }
 
-/* Shortens the ray to a collision, and sets `part`. */
-static void spsi_path_through_volumes(const spsi_marcher *marcher, spsi_ray *ray, uint64_t *random, int *part) {
+/* Shortens the ray to a collision, and sets `part`. NULL: multiplies `passes` by transmittance instead; a faint ray ends
+   or counts twice. */
+static double spsi_path_through_volumes(const spsi_marcher *marcher, spsi_ray *ray, uint64_t *random, double passes,
+                                        int *part) {
     for (int m = 0; m < marcher->frame->medium_count; ++m) {
         spsi_tracker tracker;
         double share;
         if (!spsi_tracker_begin(marcher, m, ray, &tracker)) continue;
-        while ((share = spsi_tracker_next(&tracker, random)) >= 0)
-            if (spsi_random(random) < share) {
+        while ((share = spsi_tracker_next(&tracker, random)) >= 0) {
+            if (!part) passes *= 1 - share;
+            if (part ? spsi_random(random) >= share : passes > SPSI_PATH_SPLITS) continue;
+            if (part) {
                 ray->high = tracker.rest.low;
                 *part = m;
                 break;
             }
+            if (!(passes > 0) || spsi_random(random) < 0.5) return 0;
+            passes *= 2;
+        }
     }
+    return passes;
 }
 
 /* --- particles --- */
@@ -27329,22 +27311,10 @@ static double spsi_emission_at(const spsi_marcher *marcher, const double event[3
 
 static double spsi_path_transmittance(const spsi_marcher *marcher, const spsi_light *light, const double point[3],
                                       uint64_t *random) {
-    double depths[SPSI_SETS_MAX], passes;
+    double depths[SPSI_SETS_MAX];
     spsi_ray ray;
     if (!light->shadows || !spsi_light_ray(light, point, &ray)) return 1;
-    passes = exp(-spsi_particles_depth(marcher, &ray, depths));
-    for (int m = 0; m < marcher->frame->medium_count; ++m) {
-        spsi_tracker tracker;
-        double share;
-        if (!spsi_tracker_begin(marcher, m, &ray, &tracker)) continue;
-        while ((share = spsi_tracker_next(&tracker, random)) >= 0) {
-            passes *= 1 - share;
-            if (passes > SPSI_PATH_SPLITS) continue;
-            if (!(passes > 0) || spsi_random(random) < 0.5) return 0;
-            passes *= 2;
-        }
-    }
-    return passes;
+    return spsi_path_through_volumes(marcher, &ray, random, exp(-spsi_particles_depth(marcher, &ray, depths)), NULL);
 }
 
 static void spsi_path_take(spsi_path *path, const double radiance[3]) {
@@ -27501,7 +27471,7 @@ static void spsi_path_follow(const spsi_marcher *marcher, spsi_sample *sample, s
         spsi_hit hit;
         int part = -1;
         spsi_ray_to_face(marcher->faces, path->face, &path->ray, &hit);
-        spsi_path_through_volumes(marcher, &path->ray, &path->random, &part);
+        spsi_path_through_volumes(marcher, &path->ray, &path->random, 1, &part);
         spsi_path_through_particles(marcher, &path->ray, &path->random, &part);
         if (path->scattered > 0) spsi_path_emission(marcher, path);
         if (part >= 0) {
@@ -27738,31 +27708,23 @@ SPS_API void sps_get_error(const sps_context *context, sps_error_info *info) {
     spsi_describe(info, SPS_OBJECT_CALL, -1, "context", 0, SPSI_IS_NULL);
 }
 
-/* True if row_pixels fits a row, and the image's bytes do not overflow. */
-static int spsi_rows_fit(const spsi_frame *frame, size_t row_pixels) {
-    const size_t width = (size_t)frame->view.region[2], height = (size_t)frame->view.region[3];
-    if (row_pixels == 0) return 1;
-    return row_pixels >= width && row_pixels <= (size_t)PTRDIFF_MAX / (4 * sizeof(float)) / height;
-}
-
 /* Returns the checked frame, or NULL on failure. */
 SPSI_COLD spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene, const sps_view *view,
                                        const sps_image *image) {
+    const spsi_subject at = {context, SPS_OBJECT_IMAGE, -1, ""};
+    spsi_frame *frame = NULL;
     if (spsi_require(context, scene, "scene") || spsi_require(context, view, "view") ||
         spsi_require(context, image, "image"))
         return NULL;
-    if (!image->rgba) {
-        spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_IMAGE, -1, "rgba", 0, SPSI_IS_NULL);
-        return NULL;
-    }
-    spsi_frame *frame = spsi_frame_build(context, scene, view, image->depth != NULL);
-    if (!frame) return NULL;
-    if (!spsi_rows_fit(frame, image->row_pixels)) {
-        spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_IMAGE, -1, "row_pixels", (double)image->row_pixels,
-                        "it must be 0, or at least the region's width, and the image must fit into memory");
-        return NULL;
-    }
-    return frame;
+    if (!image->rgba) spsi_wrong_that(&at, "rgba", 0, SPSI_IS_NULL);
+    if (image->rgba) frame = spsi_frame_build(context, scene, view, image->depth != NULL);
+    if (!frame || image->row_pixels == 0) return frame;
+    const size_t width = (size_t)frame->view.region[2], height = (size_t)frame->view.region[3];
+    if (image->row_pixels >= width && image->row_pixels <= (size_t)PTRDIFF_MAX / (4 * sizeof(float)) / height)
+        return frame;
+    spsi_wrong(&at, "row_pixels", (double)image->row_pixels,
+               "it must be 0, or at least the region's width, and the image must fit into memory");
+    return NULL;
 }
 
 SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view,

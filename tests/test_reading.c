@@ -567,6 +567,7 @@ static void test_bits(void) {
    which no entry has extinction, nor the next one. */
 static void test_hidden(void) {
     static spsi_table table;
+    static sps_context none;
     check_random random = {2};
     for (int n = 0; n < 60; ++n) {
         sps_transfer_point points[2] = {{0, {1, 1, 1}, 0}, {0, {1, 1, 1}, 1}};
@@ -578,7 +579,7 @@ static void test_hidden(void) {
         points[0].extinction = n == 1;
         points[1].value = points[0].value + (float)check_next(&random);
         transfer.value_max = n % 3 ? 1 : 0;
-        if (!CHECK(spsi_transfer_tabulate(NULL, &transfer, 0, &material) == SPS_OK) || !material.extinguishes) continue;
+        if (!CHECK(spsi_transfer_tabulate(&none, &transfer, 0, &material) == SPS_OK) || !material.extinguishes) continue;
         int first = 0;
         while (!(table.entry[first][3] > 0)) ++first;
         for (int i = 0; i < 4 * SPSI_TABLE_SIZE; ++i) {

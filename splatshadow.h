@@ -4201,9 +4201,6 @@ SPSI_COLD sps_result spsi_check_array(const spsi_subject *at, const sps_volume *
 SPSI_COLD sps_result spsi_check_volume(sps_context *context, const sps_volume *volume, int i) {
     const spsi_subject at = {context, SPS_OBJECT_VOLUME, i, ""};
     const int *size = volume->size;
-    const spsi_bounded sizes[] = {{"size", (double)size[0], 0, 65536, "it must be 0..65536"},
-                                  {"size", (double)size[1], 0, 65536, "it must be 0..65536"},
-                                  {"size", (double)size[2], 0, 65536, "it must be 0..65536"}};
     const spsi_bounded looks[] = {
         {"extinction", volume->transfer ? 0 : (double)volume->extinction, 0, (double)SPSI_VALUE_MAX,
          "it must be 0..1e18"},
@@ -4212,7 +4209,9 @@ SPSI_COLD sps_result spsi_check_volume(sps_context *context, const sps_volume *v
         {"shininess", (double)volume->shininess, 0, 1e4, "it must be 0..10000"},
         {"shading", (double)(int)volume->shading, 0, SPS_SHADING_SURFACE, "it must be an sps_shading"}};
     spsi_check_canaries(&at, volume->start_canary, volume->end_canary);
-    if (spsi_check_bounded(&at, sizes, 3) || !spsi_volume_present(volume)) return context->result;
+    for (int k = 0; k < 3; ++k)
+        if (size[k] < 0 || size[k] > 65536) spsi_wrong(&at, "size", size[k], "it must be 0..65536");
+    if (context->result || !spsi_volume_present(volume)) return context->result;
     if (spsi_check_either(&at, "read_fn", "eval_fn", volume->read_fn != NULL, volume->eval_fn != NULL))
         return context->result;
     spsi_check_array(&at, volume);
@@ -4365,20 +4364,18 @@ SPSI_COLD sps_result spsi_check_projector(const spsi_subject *at, const sps_ligh
     for (int axis = 0; axis < 2 && light->kind >= SPS_LIGHT_DISC; ++axis)
         along[axis] = fabs(spsi_dot(light->axes[axis], direction));
     reach = light->kind == SPS_LIGHT_RECTANGLE ? along[0] + along[1] : sqrt(along[0] * along[0] + along[1] * along[1]);
-    {
-        const double left = projector->right - projector->left >= 1e-15 ? projector->left : -HUGE_VAL;
-        const double bottom = projector->top - projector->bottom >= 1e-15 ? projector->bottom : -HUGE_VAL;
-        const spsi_bounded numbers[] = {
-            {"width", (double)projector->width, 1, SPSI_IMAGE_SIZE_MAX, "it must be 1..4096"},
-            {"height", (double)projector->height, 1, SPSI_IMAGE_SIZE_MAX, "it must be 1..4096"},
-            {"right", projector->right, -1e15, 1e15, "it must be within 1e15"},
-            {"left", projector->left, -1e15, left, "it must be within 1e15, and less than right by 1e-15 or more"},
-            {"top", projector->top, -1e15, 1e15, "it must be within 1e15"},
-            {"bottom", projector->bottom, -1e15, bottom, "it must be within 1e15, and less than top by 1e-15 or more"},
-            {"focus", projector->focus, 0, projector->focus > reach ? 1e15 : 0,
-             "it must be 0, or within 1e15 and beyond the extent"}};
-        if (spsi_check_bounded(&part, numbers, sizeof numbers / sizeof *numbers)) return at->context->result;
-    }
+    const double left = projector->right - projector->left >= 1e-15 ? projector->left : -HUGE_VAL;
+    const double bottom = projector->top - projector->bottom >= 1e-15 ? projector->bottom : -HUGE_VAL;
+    const spsi_bounded numbers[] = {
+        {"width", (double)projector->width, 1, SPSI_IMAGE_SIZE_MAX, "it must be 1..4096"},
+        {"height", (double)projector->height, 1, SPSI_IMAGE_SIZE_MAX, "it must be 1..4096"},
+        {"right", projector->right, -1e15, 1e15, "it must be within 1e15"},
+        {"left", projector->left, -1e15, left, "it must be within 1e15, and less than right by 1e-15 or more"},
+        {"top", projector->top, -1e15, 1e15, "it must be within 1e15"},
+        {"bottom", projector->bottom, -1e15, bottom, "it must be within 1e15, and less than top by 1e-15 or more"},
+        {"focus", projector->focus, 0, projector->focus > reach ? 1e15 : 0,
+         "it must be 0, or within 1e15 and beyond the extent"}};
+    if (spsi_check_bounded(&part, numbers, sizeof numbers / sizeof *numbers)) return at->context->result;
     return spsi_check_vector(at, "projector.up", projector->up);
 }
 
@@ -4632,6 +4629,8 @@ SPSI_COLD int spsi_take_material(spsi_frame *frame, const spsi_material *materia
         ++channel;
     matter->scatters |= material->scatters;
     matter->emits |= material->emits;
+    matter->extinguishes |= material->extinguishes;
+    frame->has_gradients |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
     matter->orders = spsi_imax(matter->orders, spsi_phase_orders(material));
     matter->materials[channel] = *material;
     matter->material_count = spsi_imax(matter->material_count, channel + 1);
@@ -4931,7 +4930,6 @@ SPSI_COLD sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame
         spsi_extent_points(light, light->point_count, points);
         light->points = points;
         points += light->point_count;
-        if (light->few_count == 1) continue;
         spsi_extent_points(light, light->few_count, points);
         light->few = points;
         points += light->few_count;
@@ -4955,11 +4953,6 @@ SPSI_COLD sps_result spsi_resolve_lights(sps_context *context, spsi_frame *frame
     const int count = frame->matter.scatters || frame->meshes.count > 0 ? scene->light_count : 0;
     size_t lit = 0;
     spsi_lights *lights = &frame->lights;
-    for (int i = 0; i < frame->matter.material_count; ++i) {
-        const spsi_material *material = &frame->matter.materials[i];
-        frame->matter.extinguishes |= material->extinguishes;
-        frame->has_gradients |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
-    }
     for (int i = 0; i < count; ++i)
         if (!spsi_black(scene->lights[i].color))
             lit += spsi_light_extended(&scene->lights[i]) ? (size_t)(1 + SPSI_TABLES_MOST) : 2;
@@ -25620,11 +25613,6 @@ static int spsi_vicinity_place(const spsi_dense *grid, const double point[3], do
     return 1;
 }
 
-static const float *spsi_vicinity_row(const spsi_dense *grid, const spsi_vicinity *vicinity, int y, int z) {
-    const size_t row = (size_t)(vicinity->first[2] + z) * (size_t)grid->size[1] + (size_t)(vicinity->first[1] + y);
-    return grid->values + row * (size_t)grid->size[0] + (size_t)vicinity->first[0];
-}
-
 /* f at a world point, from voxels within `reach`. `gradient`: in the world, or NULL. `range`: least and greatest of
    these voxels, or NULL. Rows are summed before weighting along x: independent sums are faster. */
 static double spsi_field(const spsi_dense *grid, const double point[3], double reach, double gradient[3],
@@ -25640,7 +25628,8 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double r
     for (int x = 0; x < SPSI_REFERENCE_TAPS; ++x) low[x] = whole ? FLT_MAX : 0;
     for (int z = 0; z < v.count[2]; ++z)
         for (int y = 0; y < v.count[1]; ++y) {
-            const float *values = spsi_vicinity_row(grid, &v, y, z);
+            const size_t line = (size_t)(v.first[2] + z) * (size_t)grid->size[1] + (size_t)(v.first[1] + y);
+            const float *values = grid->values + line * (size_t)grid->size[0] + v.first[0];
             const double weight = v.weights[2][z] * v.weights[1][y];
             for (int x = 0; x < v.count[0]; ++x) row[x] += weight * (double)values[x];
             for (int x = 0; x < v.count[0] && gradient; ++x) {
@@ -25881,7 +25870,7 @@ typedef struct spsi_point {
     double value[SPSI_MATERIALS_MAX];      /* per part; for particles, extinction */
     double extinction[SPSI_MATERIALS_MAX];
     double extinction_sum;
-    double gas;                            /* optical depth from the eye */
+    double gas, passes;                    /* optical depth from the eye; mean transmittance over the step */
     double value_sum;                      /* 0: empty */
     spsi_sample *samples;
 } spsi_point;
@@ -25969,12 +25958,6 @@ static void spsi_march_response(const spsi_material *material, const spsi_sample
     for (int c = 0; c < 3; ++c) response[c] = (double)spsi_one(all[c]);
 }
 
-/* Radiance per unit of length towards the eye. */
-typedef struct spsi_source {
-    double once[3];  /* not yet attenuated */
-    double again[3]; /* forward multiple scattering, attenuated */
-} spsi_source;
-
 /* Fraction of X shown at depth t. `taken`: depth for X. */
 SPSI_COLD double spsi_forward_fade(double t, double *taken) {
     const double from = spsi_forward_depth(SPSI_FORWARD_SIZE - 2), end = (double)SPSI_FORWARD_END;
@@ -26001,7 +25984,7 @@ SPSI_COLD void spsi_march_forward(const spsi_material *material, const spsi_samp
 }
 
 SPSI_COLD void spsi_point_add_light(const spsi_marcher *marcher, const spsi_point *point, const spsi_light *light,
-                                    double weight, spsi_source *source) {
+                                    double weight, double source[3]) {
     double travel[3], arrives[3], response[3], depth = 0;
     spsi_shade shade;
     if (!spsi_point_arrival(marcher, point, light, travel, arrives)) return;
@@ -26014,25 +25997,26 @@ SPSI_COLD void spsi_point_add_light(const spsi_marcher *marcher, const spsi_poin
         const double share = point->extinction[m] * weight;
         if (!material->scatters || !(point->extinction[m] > 0)) continue;
         spsi_march_response(material, &point->samples[m], point->direction, travel, response);
-        for (int c = 0; c < 3; ++c) source->once[c] += share * response[c] * exp(-depth) * arrives[c];
+        for (int c = 0; c < 3; ++c) source[c] += share * response[c] * point->passes * exp(-depth) * arrives[c];
         if (!marcher->forward || !light->shadows) continue;
         spsi_march_forward(material, &point->samples[m], -spsi_dot(travel, point->direction), depth + point->gas,
                            response);
-        for (int c = 0; c < 3; ++c) source->again[c] += share * response[c] * arrives[c];
+        for (int c = 0; c < 3; ++c) source[c] += share * response[c] * arrives[c];
     }
 }
 
-/* Before attenuation. */
-SPSI_COLD void spsi_point_source(const spsi_marcher *marcher, const spsi_point *point, spsi_source *source) {
+/* Radiance per unit of length that reaches the eye. */
+SPSI_COLD void spsi_point_source(const spsi_marcher *marcher, const spsi_point *point, double source[3]) {
     const spsi_frame *frame = marcher->frame;
-    memset(source, 0, sizeof *source);
+    memset(source, 0, 3 * sizeof *source);
     for (int m = 0; m < marcher->part_count; ++m) {
         const spsi_material *material = spsi_material_of(marcher->frame, m);
         for (int c = 0; c < 3; ++c) {
             const double albedo = (double)spsi_one(point->samples[m].color[c]);
+            double own = point->value[m] * (double)material->emission[c];
             if (marcher->settings->samples == 0) /* otherwise paths add it */
-                source->once[c] += point->extinction[m] * albedo * (double)material->ambient[c];
-            source->once[c] += point->value[m] * (double)material->emission[c];
+                own += point->extinction[m] * albedo * (double)material->ambient[c];
+            source[c] += point->passes * own;
         }
     }
     for (int i = 0; i < frame->lights.count && point->extinction_sum > 0; ++i)
@@ -26088,7 +26072,7 @@ static double spsi_color_mean(const double c[3]) { return c[0] + (c[1] - c[0] + 
 static int spsi_march_step(const spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
                            spsi_walker *walker) {
     const double h = step->high - step->low, passes = exp(-walker->gas.low);
-    spsi_source source;
+    double source[3];
     spsi_point point;
     (void)halvings;
     if (marcher->forward ? walker->gas.low > (double)SPSI_FORWARD_END
@@ -26098,13 +26082,13 @@ static int spsi_march_step(const spsi_marcher *marcher, const spsi_ray *step, in
     spsi_point_build(marcher, step, &point);
     if (!(point.value_sum > 0)) return 1;
     const double depth = h * point.extinction_sum;
-    const double mean = depth > 1e-9 ? -expm1(-depth) / depth : 1;
+    point.passes = passes * (depth > 1e-9 ? -expm1(-depth) / depth : 1);
     point.gas = walker->gas.low + 0.5 * depth;
-    spsi_point_source(marcher, &point, &source);
+    spsi_point_source(marcher, &point, source);
     spsi_enclosure_add(&walker->gas, depth, depth);
     walker->distance += passes * spsi_color_mean(walker->filter) * -expm1(-depth) * 0.5 * (step->low + step->high);
     for (int c = 0; c < 3; ++c) {
-        const double sent = walker->filter[c] * h * (passes * source.once[c] * mean + source.again[c]);
+        const double sent = walker->filter[c] * h * source[c];
         spsi_enclosure_add(&walker->radiance[c], sent, sent);
     }
     return 1;
@@ -26586,11 +26570,9 @@ SPSI_COLD void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray,
         spsi_enclosure_add(&step->depth, scale * gas->length.low, scale * gas->length.high);
         spsi_series_add(&extinction, scale, &gas->series);
     }
-    spsi_particles_depth(marcher, ray, step->particles);
-    for (int i = 0; i < frame->particles.set_count; ++i) {
-        spsi_enclosure_add(&step->depth, step->particles[i], step->particles[i]);
-        if (step->particles[i] > 0) any = 1, step->smooth = 0;
-    }
+    const double particles = spsi_particles_depth(marcher, ray, step->particles);
+    spsi_enclosure_add(&step->depth, particles, particles);
+    if (particles > 0) any = 1, step->smooth = 0;
     step->passes.term[0] = 0;
     for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) step->passes.term[k] = extinction.term[k - 1] / k;
     spsi_step_within(marcher, extinction.term[3], step);

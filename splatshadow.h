@@ -25500,7 +25500,7 @@ typedef struct spsi_enclosure {
     double low, high;
 } spsi_enclosure;
 
-/* A ray's way to a light, through medium. */
+/* A shadow ray's way through medium. */
 typedef struct spsi_shade {
     spsi_enclosure depth;
     double way;                                              /* length in the medium's bounds */
@@ -25817,7 +25817,7 @@ static void spsi_march_light(const spsi_marcher *marcher, const spsi_light *ligh
     double range[2] = {0, 0}, depths[SPSI_SETS_MAX];
     spsi_ray ray;
     memset(shade, 0, sizeof *shade);
-    if (!spsi_light_ray(light, point, &ray)) return;
+    if (!light->shadows || !spsi_light_ray(light, point, &ray)) return;
     shade->depth.low = shade->depth.high = spsi_particles_depth(marcher, &ray, depths);
     const int count = marcher->frame->medium_count > 0 ? spsi_march_range(marcher, &ray, range) : 0;
     shade->way = count > 0 ? range[1] - range[0] : 0;
@@ -25985,13 +25985,11 @@ SPSI_COLD void spsi_march_forward(const spsi_material *material, const spsi_samp
 
 SPSI_COLD void spsi_point_add_light(const spsi_marcher *marcher, const spsi_point *point, const spsi_light *light,
                                     double weight, double source[3]) {
-    double travel[3], arrives[3], response[3], depth = 0;
+    double travel[3], arrives[3], response[3];
     spsi_shade shade;
     if (!spsi_point_arrival(marcher, point, light, travel, arrives)) return;
-    if (light->shadows) {
-        spsi_march_light(marcher, light, point->position, &shade);
-        depth = shade.depth.low;
-    }
+    spsi_march_light(marcher, light, point->position, &shade);
+    const double depth = shade.depth.low;
     for (int m = 0; m < marcher->part_count; ++m) {
         const spsi_material *material = spsi_material_of(marcher->frame, m);
         const double share = point->extinction[m] * weight;
@@ -26049,14 +26047,11 @@ SPSI_COLD void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *h
         for (int n = 0; n < count; ++n) {
             spsi_light at;
             double travel[3], arrives[3];
-            spsi_enclosure through = {1, 1};
             spsi_shade shade;
             spsi_reference_point(&frame->lights.list[i], surface.point, n, &at);
             if (!spsi_point_arrival(marcher, &point, &at, travel, arrives)) continue;
-            if (at.shadows) {
-                spsi_march_light(marcher, &at, surface.point, &shade);
-                through = spsi_enclosure_transmittance(shade.depth);
-            }
+            spsi_march_light(marcher, &at, surface.point, &shade);
+            const spsi_enclosure through = spsi_enclosure_transmittance(shade.depth);
             for (int c = 0; c < 3; ++c) {
                 const double reflected = look.color[c] / SPSI_PI * arrives[c] / count;
                 spsi_enclosure_add(&radiance[c], reflected * through.low, reflected * through.high);

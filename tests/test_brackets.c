@@ -298,7 +298,7 @@ static void test_shade(void) {
         spsi_incoming coming;
         spsi_light lamp;
         memset(&lamp, 0, sizeof lamp);
-        lamp.is_point = 1;
+        lamp.is_point = lamp.shadows = 1;
         memcpy(lamp.position, place, sizeof lamp.position);
         spsi_step_build(&marcher, &ray, spsi_enclosure_of(0, 0), &step);
         spsi_incoming_plain(&coming);

@@ -20493,37 +20493,28 @@ static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_light *li
 /* --- irradiance by cells and first flights --- */
 
 #define SPSI_RECEIVED_TILE  32 /* pixels along an edge of a task's tile */
-#define SPSI_RECEIVED_KNOTS (SPSI_RECEIVED_TILE + 1)
-#define SPSI_TICK_RECEIVED  64 /* pixels between looks at the clock: a few milliseconds */
-
-static const int spsi_receive_whole[2] = {SPSI_RECEIVED_TILE, SPSI_RECEIVED_TILE};
+#define SPSI_RECEIVED_BLOCK 8  /* pixels along an edge of the largest blocks that are interpolated */
+#define SPSI_RECEIVED_STEP  2  /* pixels between knots */
+#define SPSI_RECEIVED_KNOTS (SPSI_RECEIVED_TILE / SPSI_RECEIVED_STEP + 1)
 
 typedef struct spsi_receive_job {
     sps_context *context;
     const spsi_frame *frame;
     const spsi_faces *faces;
     const spsi_visible *visible;
-    spsi_bounds from[2]; /* bounds of the sources: cells; first flights */
     float *received;
     struct spsi_receive_tile *tiles; /* per worker */
 } spsi_receive_job;
 
 typedef struct spsi_received {
-    float irradiance[3], reach; /* reach: length across which light is smooth; 0: unknown */
+    float irradiance[3];
+    int face; /* its plane; -1: unknown */
+    double point[3], reach; /* reach: length across which light is smooth */
 } spsi_received;
-
-typedef struct spsi_receive_tile {
-    const spsi_receive_job *job;
-    int x0, y0, flown;                                           /* first pixel; 0: light of cells, 1: first flights */
-    const spsi_hit *hit;                                         /* defines the plane */
-    unsigned char shows[SPSI_RECEIVED_TILE][SPSI_RECEIVED_TILE]; /* 0: done, 1: flat, 2: on the plane */
-    double least[3]; /* least first flights at the knots: light of cells is small against it */
-    spsi_received knots[SPSI_RECEIVED_KNOTS * SPSI_RECEIVED_KNOTS], edge[4];
-} spsi_receive_tile;
 
 /* Returns a length across which irradiance is smooth. */
 static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_grid *grid, const spsi_surface *surface,
-                                       int face, float irradiance[3]) {
+                                       int face, double irradiance[3]) {
     float patches[SPSI_CELL_SHEET];
     const spsi_cell_visibility visibility = {grid, faces, surface, surface->normal, face};
     const int hidden = spsi_cells_visibility(&visibility, patches);
@@ -20531,188 +20522,142 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     const double distance = spsi_cells_distance(grid, surface->point);
     double own[3];
     spsi_cells_irradiance(grid, 0, grid->channels, &to, own);
-    for (int c = 0; c < grid->channels; ++c) irradiance[c] += (float)own[c];
+    for (int c = 0; c < grid->channels; ++c) irradiance[c] += own[c];
     return sqrt(16 * grid->edge * grid->edge + distance * distance);
 }
 
-/* Irradiance of a hit's plane. `clear`: no polygon blocks it. */
-static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, const double at[2], int flown, int clear,
-                         spsi_received *to) {
+/* Irradiance of a hit's plane by cells and first flights. */
+static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, double x, double y, spsi_received *to) {
     const spsi_content *content = job->frame->content;
-    double reach = HUGE_VAL, irradiance[3] = {0, 0, 0};
+    double irradiance[3] = {0, 0, 0};
     spsi_surface surface;
-    const spsi_flight_place point = {job->frame,    clear ? NULL : job->faces, surface.point,
-                                     surface.start, surface.normal,            hit->face};
+    const spsi_flight_place place = {job->frame, job->faces, surface.point, surface.start, surface.normal, hit->face};
     memset(to, 0, sizeof *to);
-    spsi_surface_at(&content->eye, job->faces, hit, at[0], at[1], &surface);
+    to->face = hit->face;
+    to->reach = HUGE_VAL;
+    spsi_surface_at(&content->eye, job->faces, hit, x, y, &surface);
+    memcpy(to->point, surface.point, sizeof to->point);
     if (!spsi_normalise(surface.normal)) return;
-    for (int n = 0; n < content->cell_grid_count && !flown; ++n)
-        reach = spsi_dmin(
-            reach, spsi_add_grid_irradiance(job->faces, &content->cells[n], &surface, hit->face, to->irradiance));
-    if (flown) reach = spsi_flights_irradiance(&point, content->flights, irradiance);
-    for (int c = 0; c < 3 && flown; ++c) to->irradiance[c] = (float)spsi_dmin(irradiance[c], (double)FLT_MAX);
-    to->reach = (float)spsi_dmin(reach, (double)FLT_MAX);
+    if (content->flights) to->reach = spsi_flights_irradiance(&place, content->flights, irradiance);
+    for (int n = 0; n < content->cell_grid_count; ++n) {
+        const spsi_cell_grid *grid = &content->cells[n];
+        to->reach = spsi_dmin(to->reach, spsi_add_grid_irradiance(job->faces, grid, &surface, hit->face, irradiance));
+    }
+    for (int c = 0; c < 3; ++c) to->irradiance[c] = (float)spsi_dmin(irradiance[c], (double)FLT_MAX);
 }
 
-/* Quadratic through nine knots, at -1..1 along each edge. */
-static float spsi_received_between(const spsi_received *const knots[9], size_t c, const float at[2]) {
-    float share[2][3], sum = 0;
-    for (int k = 0; k < 2; ++k) {
-        share[k][0] = 0.5f * at[k] * (at[k] - 1);
-        share[k][1] = 1 - at[k] * at[k];
-        share[k][2] = 0.5f * at[k] * (at[k] + 1);
-    }
-    for (int i = 0; i < 9; ++i) sum += share[0][i % 3] * share[1][i / 3] * knots[i]->irradiance[c];
-    return sum;
-}
-
-static void spsi_receive_pixels(const spsi_receive_tile *tile, int x0, int y0, const int size[2],
-                                const spsi_received *const knots[9]) {
-    const spsi_frame *frame = tile->job->frame;
-    const size_t channels = (size_t)frame->content->cells->channels;
-    for (int n = 0; n < size[0] * size[1]; ++n) {
-        const int column = n % size[0], row = n / size[0], x = x0 + column, y = y0 + row;
-        const float at[2] = {2 * (float)column / (float)size[0] - 1, 2 * (float)row / (float)size[1] - 1};
-        spsi_shading_point place;
-        spsi_received own;
-        if (tile->shows[y][x] != 2 || !spsi_in_region(frame, tile->x0 + x, tile->y0 + y)) continue;
-        spsi_shading_point_of_pixel(frame, tile->job->visible, tile->x0 + x, tile->y0 + y, &place);
-        if (!knots) spsi_receive(tile->job, place.hit, place.at, tile->flown, 0, &own);
-        for (size_t c = 0; c < channels; ++c)
-            tile->job->received[place.index * channels + c] +=
-                knots ? spsi_received_between(knots, c, at) : own.irradiance[c];
-        if (n % SPSI_TICK_RECEIVED == SPSI_TICK_RECEIVED - 1) spsi_task_tick(tile->job->context);
-    }
-}
-
-/* Returns -1 if a block can be interpolated. Its light must be nearly linear along six lines of three knots, and come
-   from farther away than the block is wide. Polygons may block it only in blocks of up to 16 pixels; media are sampled
-   at knots alone. Otherwise returns the axis to halve, or 2: pixel by pixel, near polygons. */
-static int spsi_receive_even(spsi_receive_tile *tile, int x0, int y0, const int size[2],
-                             const spsi_received *knots[9]) {
-    static const int order[9] = {4, 0, 2, 6, 8, 1, 3, 5, 7}; /* edges last */
-    const spsi_receive_job *job = tile->job;
-    double point[4][3], across[3], edge[2][3];
-    spsi_bounds bounds = spsi_nowhere;
-    spsi_shaft shaft;
-    for (int i = 0; i < 4; ++i) {
-        spsi_surface surface;
-        spsi_surface_at(&job->frame->content->eye, job->faces, tile->hit, tile->x0 + x0 + i % 2 * size[0],
-                        tile->y0 + y0 + i / 2 * size[1], &surface);
-        memcpy(point[i], surface.point, sizeof point[i]);
-        spsi_bounds_add(&bounds, point[i]);
-    }
-    for (int k = 0; k < 2; ++k) spsi_along(point[1 + k], point[0], -1, edge[k]);
-    int longer = size[0] == 2 || (size[1] > 2 && spsi_length(edge[1]) > spsi_length(edge[0]));
-    spsi_along(bounds.high, bounds.low, -1, across);
-    spsi_shaft_build(job->faces, &bounds, &job->from[tile->flown], &shaft);
-    int clear = !job->frame->meshes.translucent &&
-            spsi_shaft_is_clear(job->faces, &shaft, tile->hit->face, (const double(*)[3])point, 4);
-    if (!clear && size[0] * size[1] > 16) return longer;
-    for (int n = 0; n < 9; ++n) {
-        const int i = order[n], column = x0 + i % 3 * size[0] / 2, row = y0 + i / 3 * size[1] / 2;
-        const int step = i % 3 == 1 ? 1 : 3;
-        const double at[2] = {(double)(tile->x0 + column), (double)(tile->y0 + row)};
-        spsi_received *knot = n > 4 && !clear ? &tile->edge[n - 5] : &tile->knots[row * SPSI_RECEIVED_KNOTS + column];
-        for (int c = 0; c < 3 && n > 4 && !clear; ++c)
-            knot->irradiance[c] = 0.5f * (knots[i - step]->irradiance[c] + knots[i + step]->irradiance[c]);
-        if ((n <= 4 || clear) && !(knot->reach > 0)) spsi_receive(job, tile->hit, at, tile->flown, clear, knot);
-        if (n == 0 && !(spsi_length(across) <= (double)knot->reach)) return longer;
-        knots[i] = knot;
-    }
-    for (int n = 0; n < 18; ++n) {
-        const int c = n % 3, line = n / 3, first = line < 3 ? 3 * line : line - 3, step = line < 3 ? 1 : 3;
-        const double a = (double)knots[first]->irradiance[c] + tile->least[c];
-        const double middle = (double)knots[first + step]->irradiance[c] + tile->least[c];
-        const double b = (double)knots[first + 2 * step]->irradiance[c] + tile->least[c];
-        if (!(fabs(middle - 0.5 * (a + b)) <= (clear ? 0.03 : 0.014) * spsi_dmin(a, b))) return clear ? longer : 2;
-    }
-    return -1;
-}
-
-static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, const int size[2]) {
-    const spsi_received *knots[9];
-    int count = 0, longer = 0, half[2] = {size[0], size[1]};
-    for (int y = y0; y < y0 + size[1]; ++y)
-        for (int x = x0; x < x0 + size[0]; ++x) count += tile->shows[y][x] == 2;
-    if (size[0] * size[1] >= SPSI_TICK_RECEIVED) spsi_task_tick(tile->job->context);
-    if (count >= 5) longer = spsi_receive_even(tile, x0, y0, size, knots);
-    if (count < 5 || longer < 0 || longer > 1 || size[0] * size[1] <= 8) {
-        spsi_receive_pixels(tile, x0, y0, size, longer < 0 ? knots : NULL);
-        return;
-    }
-    half[longer] /= 2;
-    for (int i = 0; i < 2; ++i)
-        spsi_receive_block(tile, x0 + (longer ? 0 : i * half[0]), y0 + (longer ? i * half[1] : 0), half);
-}
-
-/* True if a flat face has another's plane and normal. */
+/* True if two faces are flat and share a plane and a normal. */
 static int spsi_faces_coplanar(const spsi_face *face, const spsi_face *other) {
     double plane[3], apart = 0;
+    if (!spsi_face_is_flat(face) || memcmp(face->normal, other->normal, sizeof face->normal) != 0) return 0;
     spsi_face_plane(face, plane);
     for (int i = 0; i < 3; ++i) {
         double offset[3];
         spsi_along(other->position[i], face->position[0], -1, offset);
         apart = spsi_dmax(apart, fabs(spsi_dot(plane, offset)) - 1e-6 * spsi_length(plane) * spsi_length(offset));
     }
-    return !(apart > 0) && memcmp(face->normal[0], other->normal[0], sizeof face->normal[0]) == 0;
+    return !(apart > 0);
 }
 
-static void spsi_receive_plane(spsi_receive_tile *tile, int first) {
+typedef struct spsi_receive_tile {
+    const spsi_receive_job *job;
+    int x0, y0;
+    spsi_received knots[SPSI_RECEIVED_KNOTS * SPSI_RECEIVED_KNOTS];
+} spsi_receive_tile;
+
+/* Computes the light at a block's nine knots, by rows. Returns 1 if it is nearly linear along six lines of three, and
+   comes from farther away than the block is wide. */
+static int spsi_receive_even(spsi_receive_tile *tile, const spsi_hit *hit, int x0, int y0, int side,
+                             const spsi_received *knots[9]) {
+    static const int lines[6][3] = {{0, 4, 8}, {2, 4, 6}, {0, 1, 2}, {0, 3, 6}, {2, 5, 8}, {6, 7, 8}};
+    const spsi_face *faces = tile->job->faces->list;
+    for (int n = 0; n < 6; ++n) {
+        double across[3];
+        for (int i = 0; i < 3; ++i) {
+            const int x = x0 + lines[n][i] % 3 * side / 2, y = y0 + lines[n][i] / 3 * side / 2;
+            const int row = (y - tile->y0) / SPSI_RECEIVED_STEP, column = (x - tile->x0) / SPSI_RECEIVED_STEP;
+            spsi_received *knot = &tile->knots[row * SPSI_RECEIVED_KNOTS + column];
+            if (knot->face < 0 || !spsi_faces_coplanar(&faces[hit->face], &faces[knot->face]))
+                spsi_receive(tile->job, hit, x, y, knot);
+            knots[lines[n][i]] = knot;
+        }
+        const spsi_received *a = knots[lines[n][0]], *middle = knots[lines[n][1]], *b = knots[lines[n][2]];
+        spsi_along(a->point, b->point, -1, across);
+        if (!(spsi_length(across) <= middle->reach)) return 0;
+        for (int c = 0; c < 3; ++c) {
+            const float least = spsi_fmin(a->irradiance[c], b->irradiance[c]);
+            const float mean = 0.5f * (a->irradiance[c] + b->irradiance[c]);
+            if (!(fabsf(middle->irradiance[c] - mean) <= 0.02f * least)) return 0;
+        }
+    }
+    return 1;
+}
+
+/* Quadratic through nine knots. x and y: -1 to 1. */
+static float spsi_received_between(const spsi_received *const knots[9], int c, float x, float y) {
+    const float across[3] = {0.5f * x * (x - 1), 1 - x * x, 0.5f * x * (x + 1)};
+    const float down[3] = {0.5f * y * (y - 1), 1 - y * y, 0.5f * y * (y + 1)};
+    float sum = 0;
+    for (int i = 0; i < 9; ++i) sum += across[i % 3] * down[i / 3] * knots[i]->irradiance[c];
+    return sum;
+}
+
+/* True if faces of one plane fill a block. */
+static int spsi_receive_flat(const spsi_receive_job *job, const spsi_hit *first, int width, int height) {
+    int last = -1;
+    for (int n = 0; n < width * height; ++n) {
+        const int face = first[n / width * job->frame->content->eye.width + n % width].face;
+        if (face < 0) return 0;
+        if (face != last && !spsi_faces_coplanar(&job->faces->list[first->face], &job->faces->list[face])) return 0;
+        last = face;
+    }
+    return 1;
+}
+
+/* Interpolates within a plane where light is even; divides other blocks, down to pixels. */
+static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, int side) {
     const spsi_receive_job *job = tile->job;
-    const spsi_content *content = job->frame->content;
-    const spsi_face *face = &job->faces->list[tile->hit->face];
-    int last = tile->hit->face, shared = 1;
-    for (int n = first; n < SPSI_RECEIVED_TILE * SPSI_RECEIVED_TILE; ++n) {
-        const int x = n % SPSI_RECEIVED_TILE, y = n / SPSI_RECEIVED_TILE;
-        if (tile->shows[y][x] != 1) continue;
-        const size_t at = (size_t)(tile->y0 + y) * (size_t)content->eye.width + (size_t)(tile->x0 + x);
-        const int own = job->visible->hits[at].face;
-        if (own != last) shared = spsi_faces_coplanar(face, &job->faces->list[own]);
-        last = own;
-        if (shared) tile->shows[y][x] = 2;
+    const spsi_rays *eye = &job->frame->content->eye;
+    const int channels = job->frame->content->cells->channels;
+    const int width = spsi_imin(side, eye->width - x0), height = spsi_imin(side, eye->height - y0);
+    const spsi_hit *first = &job->visible->hits[(size_t)y0 * (size_t)eye->width + (size_t)x0];
+    const spsi_received *knots[9];
+    if (width <= 0 || height <= 0) return;
+    const int even = spsi_receive_flat(job, first, width, height) &&
+                     spsi_receive_even(tile, first, x0, y0, side, knots);
+    spsi_task_tick(job->context);
+    for (int n = 0; n < 4 && !even && side > 2 * SPSI_RECEIVED_STEP; ++n)
+        spsi_receive_block(tile, x0 + n % 2 * side / 2, y0 + n / 2 * side / 2, side / 2);
+    for (int n = 0; n < width * height && (even || side == 2 * SPSI_RECEIVED_STEP); ++n) {
+        const int x = n % width, y = n / width;
+        const float at[2] = {2 * (float)x / (float)side - 1, 2 * (float)y / (float)side - 1};
+        spsi_shading_point place;
+        spsi_received own;
+        spsi_shading_point_of_pixel(job->frame, job->visible, x0 + x, y0 + y, &place);
+        if (place.hit->face < 0 || !spsi_in_region(job->frame, x0 + x, y0 + y)) continue;
+        if (!even) spsi_receive(job, place.hit, place.at[0], place.at[1], &own);
+        for (int c = 0; c < channels; ++c)
+            job->received[place.index * (size_t)channels + (size_t)c] =
+                even ? spsi_received_between(knots, c, at[0], at[1]) : own.irradiance[c];
     }
-    memset(tile->least, 0, sizeof tile->least);
-    for (tile->flown = content->flights ? 1 : 0; tile->flown >= 0; --tile->flown) {
-        memset(tile->knots, 0, sizeof tile->knots);
-        spsi_receive_block(tile, 0, 0, spsi_receive_whole);
-        for (int c = 0; c < 3; ++c) tile->least[c] = HUGE_VAL;
-        for (int n = 0; n < SPSI_RECEIVED_KNOTS * SPSI_RECEIVED_KNOTS; ++n)
-            for (int c = 0; c < 3 && tile->knots[n].reach > 0; ++c)
-                tile->least[c] = spsi_dmin(tile->least[c], (double)tile->knots[n].irradiance[c]);
-        for (int c = 0; c < 3; ++c) tile->least[c] = tile->least[c] < HUGE_VAL ? tile->least[c] : 0; /* no knot */
-    }
-    for (int n = first; n < SPSI_RECEIVED_TILE * SPSI_RECEIVED_TILE; ++n)
-        if ((&tile->shows[0][0])[n] == 2) (&tile->shows[0][0])[n] = 0;
 }
 
+/* Tiles are aligned to the image, so that knots do not depend on the region. */
 static void spsi_receive_task(void *data, int index, int worker) {
     const spsi_receive_job *job = (const spsi_receive_job *)data;
-    const spsi_frame *frame = job->frame;
-    const int *region = frame->view.region;
-    const int width = frame->content->eye.width, height = frame->content->eye.height;
-    const int columns = (width + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE;
+    const int *region = job->frame->view.region, side = SPSI_RECEIVED_TILE;
+    const int columns = (job->frame->content->eye.width + side - 1) / side;
+    const int x0 = index % columns * side, y0 = index / columns * side;
     spsi_receive_tile *tile = &job->tiles[worker];
     tile->job = job;
-    tile->x0 = index % columns * SPSI_RECEIVED_TILE;
-    tile->y0 = index / columns * SPSI_RECEIVED_TILE;
-    if (tile->x0 >= region[0] + region[2] || tile->x0 + SPSI_RECEIVED_TILE <= region[0]) return;
-    if (tile->y0 >= region[1] + region[3] || tile->y0 + SPSI_RECEIVED_TILE <= region[1]) return;
-    memset(tile->shows, 0, sizeof tile->shows);
-    for (int y = 0; y < spsi_imin(SPSI_RECEIVED_TILE, height - tile->y0); ++y)
-        for (int x = 0; x < spsi_imin(SPSI_RECEIVED_TILE, width - tile->x0); ++x) {
-            const int face = job->visible->hits[(size_t)(tile->y0 + y) * (size_t)width + (size_t)(tile->x0 + x)].face;
-            if (face >= 0) tile->shows[y][x] = spsi_face_is_flat(&job->faces->list[face]) ? 1 : 2;
-        }
-    for (tile->flown = 0; tile->flown < (frame->content->flights ? 2 : 1); ++tile->flown)
-        spsi_receive_pixels(tile, 0, 0, spsi_receive_whole, NULL);
-    for (int n = 0; n < SPSI_RECEIVED_TILE * SPSI_RECEIVED_TILE; ++n) {
-        const int x = n % SPSI_RECEIVED_TILE, y = n / SPSI_RECEIVED_TILE;
-        if (tile->shows[y][x] == 2) tile->shows[y][x] = 0;
-        if (tile->shows[y][x] != 1) continue;
-        tile->hit = &job->visible->hits[(size_t)(tile->y0 + y) * (size_t)width + (size_t)(tile->x0 + x)];
-        spsi_receive_plane(tile, n);
-    }
+    tile->x0 = x0;
+    tile->y0 = y0;
+    if (x0 >= region[0] + region[2] || x0 + side <= region[0]) return;
+    if (y0 >= region[1] + region[3] || y0 + side <= region[1]) return;
+    for (int n = 0; n < SPSI_RECEIVED_KNOTS * SPSI_RECEIVED_KNOTS; ++n) tile->knots[n].face = -1;
+    for (int y = y0; y < y0 + side; y += SPSI_RECEIVED_BLOCK)
+        for (int x = x0; x < x0 + side; x += SPSI_RECEIVED_BLOCK)
+            spsi_receive_block(tile, x, y, SPSI_RECEIVED_BLOCK);
 }
 
 static int spsi_receive_reserve(sps_context *context, const spsi_frame *frame, spsi_receive_job *job) {
@@ -20723,28 +20668,15 @@ static int spsi_receive_reserve(sps_context *context, const spsi_frame *frame, s
     return job->received && job->tiles;
 }
 
-/* Tiles are aligned to the image, so that knots do not depend on the region. */
 static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                    spsi_visible *visible) {
-    const spsi_content *content = frame->content;
-    const size_t floats = spsi_ray_count(&content->eye) * (size_t)frame->channels;
-    spsi_receive_job job = {context, frame, faces, visible, {spsi_nowhere, spsi_nowhere}, NULL, NULL};
-    if (!content->cells || !visible->hits) return SPS_OK;
+    const spsi_rays *eye = &frame->content->eye;
+    spsi_receive_job job = {context, frame, faces, visible, NULL, NULL};
+    if (!frame->content->cells || !visible->hits) return SPS_OK;
     if (!spsi_receive_reserve(context, frame, &job)) return context->result;
-    memset(job.received, 0, floats * sizeof(float));
-    for (int n = 0; n < content->cell_grid_count; ++n) {
-        const spsi_cell_grid *grid = &content->cells[n];
-        double far_corner[3];
-        for (int k = 0; k < 3; ++k) far_corner[k] = grid->corner[k] + grid->edge * grid->size[k];
-        spsi_bounds_add(&job.from[0], grid->corner);
-        spsi_bounds_add(&job.from[0], far_corner);
-    }
-    for (int i = 0; i < SPSI_FLIGHT_TREES && content->flights; ++i)
-        if (content->flights[i].count > 0 && content->flights[i].to_polygons > 0)
-            spsi_bounds_join(&job.from[1], &content->flights[i].bounds);
     spsi_parallel(context,
-                  (content->eye.width + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE *
-                      ((content->eye.height + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE),
+                  (eye->width + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE *
+                      ((eye->height + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE),
                   spsi_receive_task, &job);
     visible->received = job.received;
     return SPS_OK;
@@ -20754,20 +20686,15 @@ static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame
 static void spsi_add_flux(const spsi_shader *shader, const spsi_shading_point *place, const double color[3],
                           float radiance[3]) {
     const spsi_content *content = shader->frame->content;
-    const spsi_receive_job job = {NULL, shader->frame, shader->faces, shader->visible, {spsi_nowhere, spsi_nowhere},
-                                  NULL, NULL};
+    const spsi_receive_job job = {NULL, shader->frame, shader->faces, shader->visible, NULL, NULL};
     const size_t channels = (size_t)content->cells->channels;
-    float irradiance[3] = {0, 0, 0};
+    spsi_received own;
     if (place->index < spsi_ray_count(&content->eye))
-        memcpy(irradiance, shader->visible->received + channels * place->index, channels * sizeof *irradiance);
+        memcpy(own.irradiance, shader->visible->received + channels * place->index, channels * sizeof(float));
     else
-        for (int flown = 0; flown < (content->flights ? 2 : 1); ++flown) {
-            spsi_received own;
-            spsi_receive(&job, place->hit, place->at, flown, 0, &own);
-            for (int c = 0; c < 3; ++c) irradiance[c] += own.irradiance[c];
-        }
+        spsi_receive(&job, place->hit, place->at[0], place->at[1], &own);
     for (int c = 0; c < 3; ++c) {
-        const double received = (double)irradiance[spsi_imin(c, content->cells->channels - 1)];
+        const double received = (double)own.irradiance[spsi_imin(c, content->cells->channels - 1)];
         radiance[c] = spsi_fmax(radiance[c] + (float)(color[c] * received / SPSI_PI), 0);
     }
 }

@@ -20328,8 +20328,7 @@ static int spsi_surface_point_irradiance(const spsi_frame *frame, const spsi_lig
     return irradiance[0] > 0 || irradiance[1] > 0 || irradiance[2] > 0;
 }
 
-#define SPSI_VISIBILITY_BLOCK 4  /* pixels along an edge of a packet's block */
-#define SPSI_VISIBILITY_TILE  32 /* pixels along an edge of a task's tile */
+#define SPSI_VISIBILITY_BLOCK 4 /* pixels along an edge of a packet's block */
 
 typedef struct spsi_visibility_job {
     const spsi_frame *frame;
@@ -20402,20 +20401,23 @@ static void spsi_visibility_trace(const spsi_visibility_job *job, int worker, co
         job->rays[worker] += (uint64_t)spsi_visibility_point(job, i, block);
 }
 
-static void spsi_visibility_block(const spsi_visibility_job *job, int worker, int x0, int y0) {
-    const int width = job->frame->content->eye.width, *region = job->frame->view.region;
-    const int x1 = spsi_imin(region[0] + region[2], x0 + SPSI_VISIBILITY_BLOCK);
-    const int y1 = spsi_imin(region[1] + region[3], y0 + SPSI_VISIBILITY_BLOCK);
-    spsi_visibility_surfaces block;
-    block.used = 0;
-    for (int y = spsi_imax(y0, region[1]); y < y1; ++y)
-        for (int x = spsi_imax(x0, region[0]); x < x1; ++x) {
+/* A row of blocks. They are aligned to the image, not to the region: within round-off, a packet's rays decide which faces
+   are tested. */
+static void spsi_visibility_row_task(void *data, int index, int worker) {
+    const spsi_visibility_job *job = (const spsi_visibility_job *)data;
+    const int *region = job->frame->view.region, side = SPSI_VISIBILITY_BLOCK;
+    const int y0 = (region[1] / side + index) * side;
+    for (int x0 = region[0] / side * side; x0 < region[0] + region[2]; x0 += side) {
+        spsi_visibility_surfaces block;
+        block.used = 0;
+        for (int n = 0; n < SPSI_PACKET; ++n) {
             spsi_shading_point place;
-            if (job->visible->hits[(size_t)y * (size_t)width + (size_t)x].face < 0) continue;
-            spsi_shading_point_of_pixel(job->frame, job->visible, x, y, &place);
-            spsi_visibility_add(job, &place, (y - y0) * SPSI_VISIBILITY_BLOCK + x - x0, &block);
+            if (!spsi_in_region(job->frame, x0 + n % side, y0 + n / side)) continue;
+            spsi_shading_point_of_pixel(job->frame, job->visible, x0 + n % side, y0 + n / side, &place);
+            if (place.hit->face >= 0) spsi_visibility_add(job, &place, n, &block);
         }
-    spsi_visibility_trace(job, worker, &block);
+        spsi_visibility_trace(job, worker, &block);
+    }
 }
 
 static void spsi_visibility_layers_task(void *data, int index, int worker) {
@@ -20431,23 +20433,6 @@ static void spsi_visibility_layers_task(void *data, int index, int worker) {
     spsi_visibility_trace(job, worker, &block);
 }
 
-static int spsi_visibility_tiles(int first, int pixels) {
-    return (first + pixels - 1) / SPSI_VISIBILITY_TILE - first / SPSI_VISIBILITY_TILE + 1;
-}
-
-/* Blocks are aligned to the image, not to the region: within round-off, a packet's rays decide which faces are
-   tested. */
-static void spsi_visibility_task(void *data, int index, int worker) {
-    const spsi_visibility_job *job = (const spsi_visibility_job *)data;
-    const int *region = job->frame->view.region;
-    const int columns = spsi_visibility_tiles(region[0], region[2]);
-    const int x0 = (region[0] / SPSI_VISIBILITY_TILE + index % columns) * SPSI_VISIBILITY_TILE;
-    const int y0 = (region[1] / SPSI_VISIBILITY_TILE + index / columns) * SPSI_VISIBILITY_TILE;
-    for (int y = y0; y < y0 + SPSI_VISIBILITY_TILE; y += SPSI_VISIBILITY_BLOCK)
-        for (int x = x0; x < x0 + SPSI_VISIBILITY_TILE; x += SPSI_VISIBILITY_BLOCK)
-            spsi_visibility_block(job, worker, x, y);
-}
-
 /* An exact ray per point of the light, with equal points for all pixels. Noise is worse than steps in the penumbra: no
    filter can tell it from the image. */
 SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
@@ -20458,8 +20443,9 @@ SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, co
     memset(job.open, 0,
            spsi_shading_point_count(frame, visible) * (size_t)spsi_visibility_bytes(frame, shadow->light));
     memset(job.rays, 0, (size_t)spsi_worker_count(context) * sizeof *rays);
-    spsi_parallel(context, spsi_visibility_tiles(region[0], region[2]) * spsi_visibility_tiles(region[1], region[3]),
-                  spsi_visibility_task, &job);
+    spsi_parallel(context,
+                  (region[1] + region[3] - 1) / SPSI_VISIBILITY_BLOCK - region[1] / SPSI_VISIBILITY_BLOCK + 1,
+                  spsi_visibility_row_task, &job);
     spsi_parallel(context, (int)((visible->layers.count + SPSI_PACKET - 1) / SPSI_PACKET), spsi_visibility_layers_task,
                   &job);
     for (int i = 0; i < spsi_worker_count(context); ++i) context->stats.shadow_rays += rays[i];

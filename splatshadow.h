@@ -126,7 +126,6 @@ PAPERS
     L. Carpenter, "The A-buffer, an Antialiased Hidden Surface Method", SIGGRAPH 1984 >>layers
     M. Zwicker et al., "EWA Splatting", IEEE TVCG 8(3), 2002 >>splat
     M. Olano, T. Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", Graphics Hardware 1997 >>polygons
-    E. Haines, J. Wallace, "Shaft Culling for Efficient Ray-Cast Radiosity", EGWR 1991 >>surfaces
     I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", Interactive Ray Tracing 2007 >>trees
     E. R. Woodcock et al., "Techniques Used in the GEM Code for Monte Carlo Neutronics Calculations", 1965 >>paths
     J. Novak et al., "Residual Ratio Tracking for Estimating Attenuation in Participating Media", 2014 >>paths
@@ -7766,127 +7765,58 @@ static int spsi_faces_near(const spsi_faces *faces, const double centre[3], cons
     return 0;
 }
 
-/* --- visibility between boxes --- */
+/* --- faces between a surface and a box --- */
 
-#define SPSI_SHAFT_PLANES 16  /* 12 through box edges, one of a surface */
-#define SPSI_SHAFT_NODES  256 /* maximum visits; more cost as much as rays */
-
-/* Shaft between two boxes [Haines and Wallace 1991]: points of their joint box with normal . x <= reach, from the
-   tree's centre. */
-typedef struct spsi_shaft {
-    spsi_bounds to;        /* second box, world */
-    float low[3], high[3]; /* joint box */
-    int count;
-    float normal[3][SPSI_SHAFT_PLANES], reach[SPSI_SHAFT_PLANES];
-} spsi_shaft;
-
-/* Keeps both boxes inside, with `room`. */
-static void spsi_shaft_add(const spsi_faces *faces, const spsi_bounds *a, const spsi_bounds *b, const double normal[3],
-                           double room, spsi_shaft *shaft) {
-    double reach[2] = {0, 0};
-    for (int k = 0; k < 3; ++k) {
-        const float along = (float)normal[k];
-        reach[0] += (double)along * ((along < 0 ? a->low[k] : a->high[k]) - faces->tree.centre[k]);
-        reach[1] += (double)along * ((along < 0 ? b->low[k] : b->high[k]) - faces->tree.centre[k]);
-        shaft->normal[k][shaft->count] = along;
-    }
-    shaft->reach[shaft->count++] = (float)(spsi_dmax(reach[0], reach[1]) + room);
-}
-
-/* Projected along each axis, corners are joined where each box is farther out along one axis. */
-static void spsi_shaft_build(const spsi_faces *faces, const spsi_bounds *from, const spsi_bounds *to,
-                             spsi_shaft *shaft) {
-    double room = 0; /* maximum distance along an axis from the tree's centre */
-    memset(shaft, 0, sizeof *shaft);
-    shaft->to = *to;
-    for (int k = 0; k < 3; ++k) {
-        const double low = spsi_dmin(from->low[k], to->low[k]) - faces->tree.centre[k];
-        const double high = spsi_dmax(from->high[k], to->high[k]) - faces->tree.centre[k];
-        shaft->low[k] = spsi_round_outward(low, 0);
-        shaft->high[k] = spsi_round_outward(high, 1);
-        room = spsi_dmax(room, spsi_dmax(-low, high));
-        if (faces->tree.count == 0) continue;
-        room = spsi_dmax(room, (double)spsi_fmax(-faces->tree.nodes[0].low[k], faces->tree.nodes[0].high[k]));
-    }
-    for (int n = 0; n < 12; ++n) {
-        const int axis[2] = {n % 3, (n + 1) % 3}, upper[2] = {n / 3 % 2, n / 6};
-        double out[2], normal[3] = {0, 0, 0};
-        for (int i = 0; i < 2; ++i) {
-            const int k = axis[i];
-            out[i] = upper[i] ? to->high[k] - from->high[k] : from->low[k] - to->low[k];
-        }
-        if (!(out[0] * out[1] < 0)) continue;
-        for (int i = 0; i < 2; ++i) {
-            const double steep = fabs(out[1 - i]) / (fabs(out[0]) + fabs(out[1]));
-            normal[axis[i]] = upper[i] ? steep : -steep;
-        }
-        spsi_shaft_add(faces, from, to, normal, 4e-7 * room, shaft); /* three float sums, 6e-8 each */
-    }
-}
-
-/* True if a box, relative to the tree's centre, may reach inside. */
-static int spsi_shaft_meets(const spsi_shaft *shaft, const float low[3], const float high[3]) {
-    for (int k = 0; k < 3; ++k)
-        if (low[k] > shaft->high[k] || high[k] < shaft->low[k]) return 0;
-    for (int n = 0; n < shaft->count; n += SPSI_LANES) {
-        spsi_v least = spsi_set(0);
-        for (int k = 0; k < 3; ++k) {
-            const spsi_v normal = spsi_load(&shaft->normal[k][n]);
-            least = spsi_add(least, spsi_min(spsi_mul(normal, spsi_set(low[k])), spsi_mul(normal, spsi_set(high[k]))));
-        }
-        if (spsi_bits(spsi_less(spsi_load(&shaft->reach[n]), least))) return 0;
-    }
-    return 1;
-}
-
-/* True if a face may block rays from points to the second box: they lie on opposite sides of its plane. Allows half the
-   margin of spsi_face_stops. */
-static int spsi_shaft_meets_face(const spsi_shaft *shaft, const spsi_faces *faces, int number,
-                                 const double (*points)[3], int count) {
+/* True if a face may block light from a box to a surface: it rises above the surface, and its plane lies between them.
+   Allows half the margin of spsi_face_stops. */
+static int spsi_face_between(const spsi_faces *faces, int number, const double start[3], const double normal[3],
+                             const spsi_bounds *from) {
     const spsi_face *face = &faces->list[number];
-    spsi_bounds bounds = spsi_nowhere;
-    spsi_tree_item box;
-    double plane[3], offset[3], room, near_by[2] = {0, 0}, far_off[2] = {HUGE_VAL, -HUGE_VAL};
-    for (int i = 0; i < 3; ++i) spsi_bounds_add(&bounds, face->position[i]);
-    spsi_tree_item_add(&box, faces->tree.centre, bounds.low, bounds.high);
-    if (!spsi_shaft_meets(shaft, box.low, box.high)) return 0;
-    spsi_face_plane(face, plane);
-    room = 0.5 * ((double)face->rounding + 16 * DBL_EPSILON * faces->extent) * spsi_reach_of(plane);
-    for (int i = 0; i < count; ++i) {
-        spsi_along(points[i], face->position[0], -1, offset);
-        near_by[0] = spsi_dmin(near_by[0], spsi_dot(plane, offset));
-        near_by[1] = spsi_dmax(near_by[1], spsi_dot(plane, offset));
+    const double margin = (double)face->rounding + 16 * DBL_EPSILON * faces->extent;
+    double plane[3], offset[3], room, own, height = 0, side[2] = {HUGE_VAL, -HUGE_VAL};
+    for (int k = 0; k < 3; ++k) {
+        const double a = face->position[0][k], b = face->position[1][k], c = face->position[2][k];
+        if (spsi_dmin(a, spsi_dmin(b, c)) > spsi_dmax(from->high[k], start[k])) return 0;
+        if (spsi_dmax(a, spsi_dmax(b, c)) < spsi_dmin(from->low[k], start[k])) return 0;
     }
+    for (int i = 0; i < 3; ++i) {
+        spsi_along(face->position[i], start, -1, offset);
+        height = spsi_dmax(height, spsi_dot(normal, offset));
+    }
+    if (height <= margin) return 0;
+    spsi_face_plane(face, plane);
+    room = 0.5 * margin * spsi_reach_of(plane);
+    spsi_along(start, face->position[0], -1, offset);
+    own = spsi_dot(plane, offset);
     for (int i = 0; i < 8; ++i) {
         double corner[3], side_room;
-        spsi_bounds_corner(&shaft->to, i, corner);
+        spsi_bounds_corner(from, i, corner);
         spsi_along(corner, face->position[0], -1, offset);
         side_room = 1e-14 * spsi_reach_of(plane) * spsi_reach_of(offset) + room;
-        far_off[0] = spsi_dmin(far_off[0], spsi_dot(plane, offset) - side_room);
-        far_off[1] = spsi_dmax(far_off[1], spsi_dot(plane, offset) + side_room);
+        side[0] = spsi_dmin(side[0], spsi_dot(plane, offset) - side_room);
+        side[1] = spsi_dmax(side[1], spsi_dot(plane, offset) + side_room);
     }
-    return (far_off[1] > 0 && near_by[0] < -room) || (far_off[0] < 0 && near_by[1] > room);
+    return (side[1] > 0 && own < -room) || (side[0] < 0 && own > room);
 }
 
-/* True if no opaque face but `own` blocks rays that begin between points of it. */
-static int spsi_shaft_is_clear(const spsi_faces *faces, const spsi_shaft *shaft, int own, const double (*points)[3],
-                               int count) {
-    int stack[SPSI_TREE_STACK], top = 0, seen = 0;
-    if (faces->tree.count > 0) stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
-        if (++seen > SPSI_SHAFT_NODES) return 0;
-        if (!spsi_shaft_meets(shaft, node->low, node->high)) continue;
-        for (int i = 0; i < node->count; ++i) {
-            const int number = faces->tree.order[node->first + i];
-            if (number == own || spsi_face_is_translucent(&faces->list[number])) continue;
-            if (spsi_shaft_meets_face(shaft, faces, number, points, count)) return 0;
-        }
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
+/* True if an opaque face but `own` may block light from a box to a surface. */
+static int spsi_faces_between(const spsi_faces *faces, int own, const double start[3], const double normal[3],
+                              const spsi_bounds *from) {
+    spsi_ray still;
+    spsi_walk walk;
+    int number;
+    memset(&still, 0, sizeof still);
+    spsi_walk_begin(&faces->tree, &walk);
+    for (int k = 0; k < 3; ++k) {
+        const double low = spsi_dmin(from->low[k], start[k]), high = spsi_dmax(from->high[k], start[k]);
+        still.origin[k] = 0.5 * (low + high);
+        walk.half[k] = 0.5 * (high - low);
     }
-    return 1;
+    while ((number = spsi_walk_on(&walk, &still)) >= 0)
+        if (number != own && !spsi_face_is_translucent(&faces->list[number]) &&
+            spsi_face_between(faces, number, start, normal, from))
+            return 1;
+    return 0;
 }
 
 /* --- the nearest face on a ray --- */
@@ -17780,32 +17710,22 @@ typedef struct spsi_cell_visibility {
     int face;
 } spsi_cell_visibility;
 
-/* Sides that face a surface and may be occluded. Polygons above it only by round-off, like triangles of a flat floor,
-   are excluded. */
+/* Sides that face a surface and may be occluded. */
 static int spsi_cell_visibility_near(const spsi_cell_visibility *visibility) {
     const spsi_cell_grid *grid = visibility->grid;
     const double *point = visibility->surface->point, *start = visibility->surface->start;
-    const double begins[1][3] = {{start[0], start[1], start[2]}};
-    double below[3], offset[3], farthest = 0;
-    spsi_bounds from;
     int near_sides = 0;
-    memcpy(from.low, start, sizeof from.low), memcpy(from.high, start, sizeof from.high);
-    spsi_along(start, visibility->faces->tree.centre, -1, offset);
-    for (int k = 0; k < 3; ++k) below[k] = -visibility->normal[k], farthest = spsi_dmax(farthest, fabs(offset[k]));
     for (int axis = 0; axis < 3; ++axis) {
         const double extent = grid->edge * grid->size[axis], at = point[axis] - grid->corner[axis];
         const int upper = at > extent;
-        spsi_bounds to;
-        spsi_shaft shaft;
+        spsi_bounds side;
         if (at >= 0 && !upper) continue;
         for (int k = 0; k < 3; ++k) {
-            to.low[k] = grid->corner[k];
-            to.high[k] = to.low[k] + grid->edge * grid->size[k];
+            side.low[k] = grid->corner[k];
+            side.high[k] = side.low[k] + grid->edge * grid->size[k];
         }
-        to.low[axis] = to.high[axis] = to.low[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
-        spsi_shaft_build(visibility->faces, &from, &to, &shaft);
-        spsi_shaft_add(visibility->faces, &from, &from, below, -9e-7 * farthest * spsi_reach_of(below), &shaft);
-        if (!spsi_shaft_is_clear(visibility->faces, &shaft, visibility->face, begins, 1))
+        side.low[axis] = side.high[axis] = side.low[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
+        if (spsi_faces_between(visibility->faces, visibility->face, start, visibility->normal, &side))
             near_sides |= 1 << (2 * axis + upper);
     }
     return near_sides;

@@ -20816,34 +20816,30 @@ static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) 
 
 typedef struct spsi_pending {
     const spsi_layer *list;
-    uint32_t first[SPSI_LANES], end[SPSI_LANES]; /* range of each pixel's list */
-    int nearest[SPSI_LANES];                     /* 1: `first` is nearest to the eye */
-    float depth[SPSI_LANES];                     /* next layer's t - depth_reference; infinity: none */
-    float filter[3][SPSI_LANES];                 /* transmittance of the layers in front */
-    spsi_v slab;                                 /* next layer's coordinate; infinity: none */
+    uint32_t first[SPSI_LANES], count[SPSI_LANES]; /* range of each pixel's list */
+    uint32_t front[SPSI_LANES];                    /* number of its layers that are in front */
+    float depth[SPSI_LANES];                       /* next layer's t - depth_reference; infinity: none */
+    float filter[3][SPSI_LANES];                   /* transmittance of the layers in front */
+    spsi_v slab;                                   /* next layer's coordinate; infinity: none */
 } spsi_pending;
 
 static size_t spsi_pending_next(const spsi_shader *shader, const spsi_pending *ahead, int lane) {
-    return shader->sweep->back_to_front ? ahead->end[lane] - 1 : ahead->first[lane];
+    return ahead->first[lane] + ahead->front[lane] - (shader->sweep->back_to_front ? 1 : 0);
 }
 
 static void spsi_pending_look(const spsi_shader *shader, int lane, spsi_pending *ahead) {
-    const int backwards = shader->sweep->back_to_front, left = ahead->first[lane] < ahead->end[lane];
-    const int filtered = backwards ? left : !ahead->nearest[lane];
-    ahead->depth[lane] = SPSI_INFINITY;
-    if (left) ahead->depth[lane] = ahead->list[spsi_pending_next(shader, ahead, lane)].hit.depth;
-    for (int c = 0; c < 3; ++c) {
-        ahead->filter[c][lane] = 1;
-        if (filtered)
-            ahead->filter[c][lane] = ahead->list[(backwards ? ahead->end[lane] : ahead->first[lane]) - 1].behind[c];
-    }
+    const uint32_t front = ahead->front[lane], last = shader->sweep->back_to_front ? 0 : ahead->count[lane];
+    ahead->depth[lane] =
+        front == last ? SPSI_INFINITY : ahead->list[spsi_pending_next(shader, ahead, lane)].hit.depth;
+    for (int c = 0; c < 3; ++c)
+        ahead->filter[c][lane] = front > 0 ? ahead->list[ahead->first[lane] + front - 1].behind[c] : 1;
 }
 
 static void spsi_pending_pass(const spsi_shader *shader, int lane, spsi_pending *ahead) {
     if (shader->sweep->back_to_front)
-        ahead->end[lane] -= 1;
+        ahead->front[lane] -= 1;
     else
-        ahead->first[lane] += 1, ahead->nearest[lane] = 0;
+        ahead->front[lane] += 1;
     spsi_pending_look(shader, lane, ahead);
 }
 
@@ -20872,8 +20868,8 @@ static void spsi_pending_begin(const spsi_shader *shader, const spsi_pixels *p, 
     ahead->list = layers->list;
     for (int lane = 0; lane < SPSI_LANES; ++lane) {
         ahead->first[lane] = lane < count ? layers->first[pixel + (size_t)lane] : 0;
-        ahead->end[lane] = lane < count ? layers->first[pixel + (size_t)lane + 1] : 0;
-        ahead->nearest[lane] = 1;
+        ahead->count[lane] = lane < count ? layers->first[pixel + (size_t)lane + 1] - ahead->first[lane] : 0;
+        ahead->front[lane] = shader->sweep->back_to_front ? ahead->count[lane] : 0;
         spsi_pending_look(shader, lane, ahead);
     }
     spsi_pending_measure(shader, p, ahead);
@@ -20943,13 +20939,14 @@ static void spsi_add_polygons(const spsi_shader *shader, int bits, int of_layers
     }
     spsi_surfaces_shade(shader, &list);
     for (int lane = 0; list.points.lanes >> lane; ++lane) {
-        const spsi_layer *layer = of_layers ? &ahead->list[spsi_pending_next(shader, ahead, lane)] : NULL;
+        const spsi_layer *layer = NULL;
         if (!(list.points.lanes >> lane & 1)) continue;
+        if (of_layers) layer = &ahead->list[spsi_pending_next(shader, ahead, lane)];
         for (int c = 0; c < 3; ++c)
             sent[c][lane] = list.radiance[c][lane] * (layer ? layer->seen[c] : ahead->filter[c][lane]);
         covered[lane] = layer ? layer->covered : spsi_lane(spsi_pending_mean(ahead), lane);
         if (layer) spsi_pending_pass(shader, lane, ahead);
-        if (!layer || (!backwards && ahead->first[lane] == ahead->end[lane] && spsi_black(layer->behind)))
+        if (!layer || (!backwards && ahead->front[lane] == ahead->count[lane] && spsi_black(layer->behind)))
             opaque[lane] = SPSI_DEPTH_MAX;
     }
     spsi_add_sent(shader, sent, open, spsi_mul(spsi_load(covered), open), d, row);

@@ -1778,7 +1778,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_CELLS,      /* contents, incident light */
     SPSI_BUFFER_CELL_TMAPS,
     SPSI_BUFFER_CELL_SOLVER,
-    SPSI_BUFFER_CELL_BLOCKERS,
+    SPSI_BUFFER_CELL_WALLS,
     SPSI_BUFFER_CELL_MOMENTS, /* light, and radiance toward the eye */
     SPSI_BUFFER_FLIGHTS,      /* >>flights */
     SPSI_BUFFER_EMITTERS,
@@ -16890,8 +16890,7 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
    w f. Albedo is w' = w (1-f)/k; r[l] = (P[l]-f)/(1-f).
    A sweep is one scattering event, so multigrid corrects smooth errors. Cost: 50 steps per cell, sweep and moment; 3
    or 4 sweeps of the finest level, 5 to 8 near polygons.
-   Opaque polygons close links between cells whose centres they separate. Only the polygon's own light enters there,
-   swept separately as one more light. */
+   Opaque polygons close links between cells whose centres they separate. Only the polygon's own light enters there. */
 
 #define SPSI_CELL_DIRECTIONS 50
 #define SPSI_CELL_STRAIGHT   26 /* directions to neighbours */
@@ -16915,6 +16914,17 @@ typedef struct spsi_cell_direction {
     double back[3], across[2][3]; /* unit vectors: opposite, and perpendicular */
 } spsi_cell_direction;
 
+/* Polygons around a cell: means over links that they close, and over directions that enter the grid from them. */
+typedef struct spsi_cell_wall {
+    uint64_t outside;          /* bit i: direction i enters the grid from a polygon */
+    uint32_t closed;           /* bit i: a polygon closes the link of step i */
+    int queued;                /* scratch, >>walls */
+    float color[3], lit[3];    /* per channel: reflectance; reflected radiance of lights */
+    float place[3], normal[3]; /* place: from the grid's corner */
+    float sent;                /* radiance in the current channel, minus ambient light */
+    float patch;               /* most radiance of a lit polygon; then minus the fraction that flies */
+} spsi_cell_wall;
+
 /* A multigrid level of one channel. Padding cells are empty. */
 typedef struct spsi_cell_level {
     const struct spsi_cell_solver *solver;
@@ -16925,10 +16935,8 @@ typedef struct spsi_cell_level {
     float *average[SPSI_CELL_LENGTHS]; /* its mean along the step */
     float *keep[SPSI_CELL_ORDERS];     /* w' r[l] */
     float *given, *sent, *moments[2];  /* arrays per term; moments[1]: scratch after a sweep */
-    const float *blockers;             /* per cell: radiance of polygons that stop light on its way here; NULL: 0 */
-    uint32_t *closed;                  /* per cell: bit i closes the link of step i, >>walls; NULL: all are open */
-    const uint64_t *outside;           /* per cell: bit i: direction i enters the grid from a polygon */
-    unsigned char *walled;             /* per row: 1: has closed links */
+    const spsi_cell_wall *walls;       /* per cell; NULL: polygons send nothing */
+    uint32_t *closed;                  /* per cell: bit i closes the link of step i; NULL: all are open */
 } spsi_cell_level;
 
 /* Lookups read two columns. */
@@ -16960,6 +16968,8 @@ typedef struct spsi_cell_solver {
 } spsi_cell_solver;
 
 static int spsi_cell_link(int x, int y, int z) { return x + 1 + 3 * (y + 1) + 9 * (z + 1); }
+
+#define SPSI_CELL_ROW_CLOSED ((uint32_t)1 << 13) /* a row's first cell, link to itself: some links of the row are closed */
 
 /* Real harmonics of mean square 1: degree l has terms l^2 to (l + 1)^2 - 1. `terms` is 1, 4 or all. */
 static inline void spsi_harmonics_v(const spsi_v v[3], int terms, spsi_v out[SPSI_CELL_TERMS]) {
@@ -17034,10 +17044,10 @@ SPSI_COLD void spsi_cell_directions(spsi_cell_direction directions[SPSI_CELL_DIR
 }
 
 /* Links end next to cell centres: polygons often lie in planes through these. */
-static void spsi_cell_centre(const spsi_cell_grid *grid, int scale, int x, int y, int z, double centre[3]) {
+static void spsi_cell_centre(const spsi_cell_grid *grid, int x, int y, int z, double centre[3]) {
     static const double off[3] = {0.5 + 0.0113, 0.5 + 0.0171, 0.5 + 0.0139};
     const int at[3] = {x, y, z};
-    for (int k = 0; k < 3; ++k) centre[k] = grid->corner[k] + scale * grid->edge * (at[k] + off[k]);
+    for (int k = 0; k < 3; ++k) centre[k] = grid->corner[k] + grid->edge * (at[k] + off[k]);
 }
 
 /* --- one sweep --- */
@@ -17102,13 +17112,13 @@ static void spsi_cell_row_border(const spsi_cell_sweep *sweep, int i, int y, int
     float *to = spsi_cell_sweep_row(sweep, i, y, z);
     for (int x = -1; x <= size[0]; x += outside ? 1 : size[0] + 1) {
         const size_t at = row + (size_t)spsi_imax(0, spsi_imin(x, size[0] - 1));
-        to[x] = level->outside[at] >> bit & 1 ? level->blockers[at] : 0;
+        to[x] = level->walls[at].outside >> bit & 1 ? level->walls[at].sent : 0;
     }
 }
 
 /* Links closed within a row; NULL: none. */
 static const uint32_t *spsi_cell_row_closed(const spsi_cell_level *level, size_t row) {
-    return level->closed && level->walled[row / (size_t)level->pitch] ? level->closed + row : NULL;
+    return level->closed && (level->closed[row] & SPSI_CELL_ROW_CLOSED) ? level->closed + row : NULL;
 }
 
 /* Inflow, except along x: a neighbour's row, or `own`. */
@@ -17130,7 +17140,7 @@ static const float *spsi_cell_row_enters(const spsi_cell_sweep *sweep, int i, in
         spsi_store(own + x, sum);
     }
     for (int x = 0; closed && x < level->size[0]; ++x) {
-        const float blocker = level->blockers ? level->blockers[row + (size_t)x] : 0;
+        const float blocker = level->walls ? level->walls[row + (size_t)x].sent : 0;
         if (!(closed[x] & direction->links)) continue;
         own[x] = 0;
         for (int k = first; k < end; ++k)
@@ -17164,7 +17174,7 @@ static void spsi_cell_rows_follow(const spsi_cell_sweep *sweep, int pair, int y,
         for (int i = 0; i < 2; ++i) {
             const int x = i ? n : last - n;
             if (closed && (closed[x] >> direction[i]->link[0] & 1))
-                carried[i] = level->blockers ? level->blockers[row + (size_t)x] : 0;
+                carried[i] = level->walls ? level->walls[row + (size_t)x].sent : 0;
             in[i][x] += share * carried[i];
             carried[i] = (i ? ahead : sent)[x] + share * through[x] * carried[i];
         }
@@ -17206,14 +17216,14 @@ static void spsi_cell_sweep_row_at(spsi_cell_beams *beams, int y, int z, float *
         own[i] = sweep->rows + (size_t)i * spsi_cell_row_floats(level);
         beams->in[i] = spsi_cell_row_enters(sweep, i, y, z, own[i]);
         beams->out[i] = spsi_cell_sweep_row(sweep, i, y, z);
-        if (level->blockers) spsi_cell_row_border(sweep, i, y, z);
+        if (level->walls) spsi_cell_row_border(sweep, i, y, z);
         if (sweep->directions[i]->follows && sweep->directions[i]->step[0] > 0)
             spsi_cell_rows_follow(sweep, i - 1, y, z, &own[i - 1]);
     }
     if (terms == 1) spsi_cell_row_of(beams, row, moments, 1);
     if (terms == 4) spsi_cell_row_of(beams, row, moments, 4);
     if (terms == SPSI_CELL_TERMS) spsi_cell_row_of(beams, row, moments, SPSI_CELL_TERMS);
-    for (int i = beams->first; i < beams->end && level->blockers; ++i) spsi_cell_row_border(sweep, i, y, z);
+    for (int i = beams->first; i < beams->end && level->walls; ++i) spsi_cell_row_border(sweep, i, y, z);
 }
 
 static void spsi_cell_sweep_plane(const spsi_cell_sweep *sweep, int index, int z) {
@@ -17224,7 +17234,7 @@ static void spsi_cell_sweep_plane(const spsi_cell_sweep *sweep, int index, int z
         beams.sweep = sweep;
         beams.first = falls ? sweep->rising : 0;
         beams.end = falls ? sweep->count : sweep->rising;
-        for (int i = beams.first; i < beams.end && level->blockers; ++i) {
+        for (int i = beams.first; i < beams.end && level->walls; ++i) {
             spsi_cell_row_border(sweep, i, -1, z);
             spsi_cell_row_border(sweep, i, rows, z);
         }
@@ -17238,7 +17248,7 @@ static void spsi_cells_sweep_task(void *data, int index) {
     const int planes = level->size[2], before = index ? -1 : planes;
     spsi_cell_sweep sweep;
     spsi_cell_sweep_begin(level, index, &sweep);
-    for (int i = 0; i < sweep.count && level->blockers; ++i)
+    for (int i = 0; i < sweep.count && level->walls; ++i)
         for (int y = -1; y <= level->size[1]; ++y) spsi_cell_row_border(&sweep, i, y, before);
     for (int n = 0; n < planes; ++n) spsi_cell_sweep_plane(&sweep, index, index ? n : planes - 1 - n);
 }
@@ -17321,7 +17331,7 @@ typedef struct spsi_cell_step {
     int count;
 } spsi_cell_step;
 
-/* Restricts optical depth, and means weighted by it. Empty cells stay 0. */
+/* Restricts optical depth, and means weighted by it. Empty cells stay 0. Coarse links are closed if any fine one is. */
 static void spsi_cells_coarsen_task(void *data, int z) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
@@ -17335,6 +17345,7 @@ static void spsi_cells_coarsen_task(void *data, int z) {
                 const int cx = 2 * x + (i & 1), cy = 2 * y + (i >> 1 & 1), cz = 2 * z + (i >> 2);
                 if (cx >= fine->size[0] || cy >= fine->size[1] || cz >= fine->size[2]) continue;
                 at[count] = (size_t)(cz * fine->size[1] + cy) * (size_t)fine->pitch + (size_t)cx;
+                if (coarse->closed) coarse->closed[to] |= fine->closed[at[count]];
                 sum += fine->depth[at[count++]];
             }
             coarse->depth[to] = 0.25f * sum; /* an eighth of the density, twice the edge */
@@ -17460,8 +17471,11 @@ SPSI_COLD sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, con
     const size_t bytes = (size_t)solver->terms * finest->count * sizeof(float);
     if (!started) {
         spsi_cells_levels(solver);
-        memcpy(finest->moments[1], finest->given, bytes);
         memset(finest->sent, 0, bytes);
+        if (finest->walls)
+            spsi_cells_check(finest, spsi_cells_residual_task);
+        else
+            memcpy(finest->moments[1], finest->given, bytes);
         spsi_cells_w_cycle(solver, 0);
     }
     for (int i = 0;; ++i) {
@@ -18992,7 +19006,7 @@ static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_f
     for (int i = 0; i < SPSI_LANES; ++i) {
         cut[i] = node->cut;
         thick[i] = node->thick;
-        spsi_cell_centre(job->grid, 1, cells->at[0] + i % SPSI_FLIGHT_ALONG, cells->at[1] + i / SPSI_FLIGHT_ALONG,
+        spsi_cell_centre(job->grid, cells->at[0] + i % SPSI_FLIGHT_ALONG, cells->at[1] + i / SPSI_FLIGHT_ALONG,
                          cells->at[2], origin[i]);
         for (int k = 0; k < 3; ++k) toward[i][k] = end[k] + (double)node->at[k] - origin[i][k];
     }
@@ -21271,17 +21285,6 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
    additions, a footprint or a pyramid sample per voxel or sample; as much per light; eight lookups per cell and
    light. */
 
-/* Polygons around each cell: the mean over its closed links. */
-typedef struct spsi_cell_blockers {
-    uint32_t *closed;      /* as in a level, and so are the next two; NULL: no polygons */
-    uint64_t *outside;
-    unsigned char *walled;
-    float *color, *lit;    /* per channel: reflectance; reflected radiance of lights */
-    float *place, *normal; /* per axis: relative to the grid's corner */
-    float *sent;           /* per cell: radiance in the current channel, minus ambient light */
-    float *patch;          /* per cell: most radiance of a lit polygon; then minus the fraction that flies */
-} spsi_cell_blockers;
-
 typedef struct spsi_cell_sample {
     spsi_v depth, scattered[3], emitted[3];
 } spsi_cell_sample;
@@ -21320,15 +21323,12 @@ typedef struct spsi_cell_job {
     spsi_flights *flights;
     int grid_count;
     spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
-    spsi_cell_blockers blockers;
-    const float
-        *blocker_light; /* per term: polygons' moments in the channel; NULL: 0 */
+    spsi_cell_wall *walls; /* per cell; NULL: no polygons */
     spsi_shadow *shadows;
     spsi_shader shader;
     spsi_sweep sweep;
     spsi_cell_solver *solver;
     int channel;  /* being solved */
-    int level;    /* whose links are being closed */
     spsi_cell_grid coarse;        /* half the patches across, to light polygons while solving */
     const spsi_cell_grid *leaves; /* grid whose patches are being filled */
     uint64_t gas; /* fingerprint of the medium */
@@ -21820,8 +21820,6 @@ static spsi_v spsi_cells_scale(const spsi_cell_job *job, size_t row, int channel
 typedef struct spsi_cell_view {
     const spsi_faces *faces;
     const spsi_cell_grid *grid;
-    const int *size; /* cells per axis */
-    int scale;       /* cell edge, in grid cells */
     int at[3];
     double centre[3];
 } spsi_cell_view;
@@ -21830,7 +21828,7 @@ static void spsi_cell_view_move(spsi_cell_view *view, int x, int y, int z) {
     view->at[0] = x;
     view->at[1] = y;
     view->at[2] = z;
-    spsi_cell_centre(view->grid, view->scale, x, y, z, view->centre);
+    spsi_cell_centre(view->grid, x, y, z, view->centre);
 }
 
 /* True if a link within the grid hits a polygon. */
@@ -21839,8 +21837,8 @@ static int spsi_cell_view_link(const spsi_cell_view *view, int link, spsi_ray *r
     memcpy(ray->origin, view->centre, sizeof ray->origin);
     for (int k = 0; k < 3; ++k) {
         const int next = view->at[k] - step[k];
-        ray->direction[k] = -step[k] * view->scale * view->grid->edge;
-        if (next < 0 || next >= view->size[k]) return 0;
+        ray->direction[k] = -step[k] * view->grid->edge;
+        if (next < 0 || next >= view->grid->size[k]) return 0;
     }
     ray->low = 0;
     ray->high = 1;
@@ -21855,7 +21853,7 @@ static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_di
     int enters = 0;
     for (int k = 0; k < 3; ++k) {
         const int next = view->at[k] - direction->step[k];
-        enters |= next < 0 || next >= view->size[k];
+        enters |= next < 0 || next >= view->grid->size[k];
     }
     if (!enters) return 0;
     double turn = 2 * SPSI_PI * (count * 0.7548776662466927 - floor(count * 0.7548776662466927));
@@ -21871,7 +21869,7 @@ static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_di
 }
 
 static int spsi_cell_view_near(const spsi_cell_view *first, int count) {
-    const double edge = first->scale * first->grid->edge, half[3] = {0.5 * edge * (count + 1), edge, edge};
+    const double edge = first->grid->edge, half[3] = {0.5 * edge * (count + 1), edge, edge};
     const double centre[3] = {first->centre[0] + 0.5 * edge * (count - 1), first->centre[1], first->centre[2]};
     return spsi_faces_near(first->faces, centre, half);
 }
@@ -21956,147 +21954,103 @@ static void spsi_cell_hits_light_all(const spsi_cell_job *job, spsi_cell_hits *h
 }
 
 /* Returns 0 if the normals cancel. */
-static int spsi_cell_blockers_mean(const spsi_cell_job *job, size_t at, double point[3], double normal[3]) {
-    const size_t count = job->grid->count;
-    for (size_t k = 0; k < 3; ++k) {
-        point[k] = job->grid->corner[k] + (double)job->blockers.place[k * count + at];
-        normal[k] = (double)job->blockers.normal[k * count + at];
+static int spsi_cell_wall_mean(const spsi_cell_grid *grid, const spsi_cell_wall *wall, double point[3],
+                               double normal[3]) {
+    for (int k = 0; k < 3; ++k) {
+        point[k] = grid->corner[k] + (double)wall->place[k];
+        normal[k] = (double)wall->normal[k];
     }
     return spsi_normalise(normal);
 }
 
 /* Adds reflected first flights at the polygons' mean place. */
-static void spsi_cell_blockers_fly(const spsi_cell_job *job, size_t at) {
-    const spsi_cell_blockers *blockers = &job->blockers;
+static void spsi_cell_wall_fly(const spsi_cell_job *job, spsi_cell_wall *wall) {
     const spsi_cell_grid *grid = job->grid;
     double point[3], start[3], normal[3], irradiance[3] = {0, 0, 0};
     const spsi_flight_place place = {job->frame, job->faces, point, start, normal, -1};
-    if (!spsi_cell_blockers_mean(job, at, point, normal)) return;
+    if (!spsi_cell_wall_mean(grid, wall, point, normal)) return;
     spsi_along(point, normal, 0.02 * grid->edge, start);
     spsi_flights_irradiance(&place, job->flights, irradiance);
-    for (size_t c = 0; c < (size_t)grid->channels; ++c)
-        blockers->lit[c * grid->count + at] +=
-            (float)((double)blockers->color[c * grid->count + at] * irradiance[c] / SPSI_PI);
+    for (int c = 0; c < grid->channels; ++c) wall->lit[c] += (float)((double)wall->color[c] * irradiance[c] / SPSI_PI);
 }
 
-static void spsi_cell_blockers_set(const spsi_cell_job *job, const spsi_cell_hits *hits, size_t at) {
-    const spsi_cell_blockers *blockers = &job->blockers;
-    const size_t count = job->grid->count;
+static void spsi_cell_wall_set(const spsi_cell_job *job, const spsi_cell_hits *hits, spsi_cell_wall *wall) {
     double all = 0;
     for (int i = 0; i < hits->count; ++i) all += hits->weight[i];
     for (int i = 0; i < hits->count; ++i) {
         const double share = hits->weight[i] / all;
         float sent = 0;
-        for (size_t c = 0; c < (size_t)job->grid->channels; ++c) {
-            blockers->color[c * count + at] += (float)(share * hits->color[i][c]);
-            blockers->lit[c * count + at] += (float)(share * hits->color[i][c] * hits->lit[i][c] / SPSI_PI);
+        for (int c = 0; c < job->grid->channels; ++c) {
+            wall->color[c] += (float)(share * hits->color[i][c]);
+            wall->lit[c] += (float)(share * hits->color[i][c] * hits->lit[i][c] / SPSI_PI);
             sent += (float)(hits->color[i][c] * hits->lit[i][c]);
         }
-        blockers->patch[at] =
-            spsi_fmax(blockers->patch[at], hits->weight[i] > 0.1 ? sent : 0); /* up to three edges away */
-        for (size_t k = 0; k < 3; ++k) {
-            blockers->place[k * count + at] += (float)(share * (hits->surface[i].point[k] - job->grid->corner[k]));
-            blockers->normal[k * count + at] += (float)(share * hits->surface[i].normal[k]);
+        if (hits->weight[i] > 0.1) wall->patch = spsi_fmax(wall->patch, sent); /* up to three edges away */
+        for (int k = 0; k < 3; ++k) {
+            wall->place[k] += (float)(share * (hits->surface[i].point[k] - job->grid->corner[k]));
+            wall->normal[k] += (float)(share * hits->surface[i].normal[k]);
         }
     }
 }
 
-/* `hits`: the links' ends, or NULL. */
-static uint32_t spsi_cell_view_closed(const spsi_cell_view *view, spsi_cell_hits *hits) {
-    uint32_t closed = 0;
-    for (int link = 0; link < 27; ++link) {
-        spsi_ray ray;
-        spsi_hit hit;
-        if (!spsi_cell_view_link(view, link, &ray, &hit)) continue;
-        closed |= 1u << link;
-        if (hits) spsi_cell_hits_add(view, &ray, &hit, hits);
-    }
-    return closed;
-}
-
-static void spsi_cell_blockers_find(const spsi_cell_job *job, const spsi_cell_view *view, int near_by, size_t at,
-                                    spsi_cell_hits *hits) {
+static void spsi_cell_wall_find(const spsi_cell_job *job, const spsi_cell_view *view, int near_by,
+                                spsi_cell_hits *hits, spsi_cell_wall *wall) {
+    const int *size = view->grid->size;
     int last = 0; /* 1: at the grid's border */
-    for (int k = 0; k < 3; ++k) last |= view->at[k] == 0 || view->at[k] == view->size[k] - 1;
+    spsi_ray ray;
+    spsi_hit hit;
     hits->count = 0;
-    if (near_by) job->blockers.closed[at] = spsi_cell_view_closed(view, hits);
+    for (int k = 0; k < 3; ++k) last |= view->at[k] == 0 || view->at[k] == size[k] - 1;
+    for (int link = 0; link < 27 && near_by; ++link) {
+        if (!spsi_cell_view_link(view, link, &ray, &hit)) continue;
+        wall->closed |= 1u << link;
+        spsi_cell_hits_add(view, &ray, &hit, hits);
+    }
     for (int i = 0; i < SPSI_CELL_DIRECTIONS && last; ++i) {
-        spsi_ray ray;
-        spsi_hit hit;
         if (!spsi_cell_view_outside(view, &job->directions[i], i, &ray, &hit)) continue;
-        job->blockers.outside[at] |= (uint64_t)1 << i;
+        wall->outside |= (uint64_t)1 << i;
         spsi_cell_hits_add(view, &ray, &hit, hits);
     }
 }
 
-static void spsi_cells_blockers_task(void *data, int row) {
+static void spsi_cell_walls_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const int y = row % grid->size[1], z = row / grid->size[1];
-    spsi_cell_view view = {job->faces, grid, grid->size, 1, {0, 0, 0}, {0, 0, 0}};
+    spsi_cell_view view = {job->faces, grid, {0, 0, 0}, {0, 0, 0}};
     spsi_cell_view_move(&view, 0, y, z);
     int near_row = spsi_cell_view_near(&view, grid->size[0]);
     for (int x = 0; x < grid->size[0]; ++x) {
-        const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
+        spsi_cell_wall *wall = &job->walls[(size_t)row * (size_t)grid->pitch + (size_t)x];
         spsi_cell_hits hits;
         spsi_cell_view_move(&view, x, y, z);
-        spsi_cell_blockers_find(job, &view, near_row && spsi_cell_view_near(&view, 1), at, &hits);
+        spsi_cell_wall_find(job, &view, near_row && spsi_cell_view_near(&view, 1), &hits, wall);
         if (hits.count == 0) continue;
         spsi_cell_hits_light_all(job, &hits);
-        spsi_cell_blockers_set(job, &hits, at);
-        if (job->blockers.closed[at]) job->blockers.walled[row] = 1;
+        spsi_cell_wall_set(job, &hits, wall);
     }
 }
 
-/* Floats for a byte per row of cells. */
-SPSI_COLD size_t spsi_cell_rows_floats(const int size[3]) { return (size_t)(size[1] * size[2] / 4 + 1); }
-
-SPSI_COLD size_t spsi_cell_blockers_floats(const spsi_cell_grid *grid) {
-    return (size_t)(11 + 2 * grid->channels) * grid->count + spsi_cell_rows_floats(grid->size);
-}
-
-SPSI_COLD sps_result spsi_cell_blockers_begin(spsi_cell_job *job) {
-    const size_t floats = spsi_cell_blockers_floats(job->grid), count = job->grid->count;
-    const size_t channels = (size_t)job->grid->channels;
-    spsi_cell_blockers *blockers = &job->blockers;
-    float *memory;
-    if (job->faces->count == 0) return SPS_OK;
-    memory = (float *)spsi_reserve(job->context, SPSI_BUFFER_CELL_BLOCKERS, floats, sizeof(float));
-    if (!memory) return job->context->result;
-    memset(memory, 0, floats * sizeof *memory);
-    blockers->outside = (uint64_t *)(void *)memory;
-    blockers->closed = (uint32_t *)(void *)(memory + 2 * count);
-    blockers->color = memory + 3 * count;
-    blockers->lit = blockers->color + channels * count;
-    blockers->place = blockers->lit + channels * count;
-    blockers->normal = blockers->place + 3 * count;
-    blockers->sent = blockers->normal + 3 * count;
-    blockers->patch = blockers->sent + count;
-    blockers->walled = (unsigned char *)(blockers->patch + count);
-    return SPS_OK;
-}
-
-/* Sets the polygons' radiance, minus ambient, with light from the cells so far. Returns the relative change. */
-static double spsi_cell_blockers_send(const spsi_cell_job *job, int c) {
-    const spsi_cell_blockers *blockers = &job->blockers;
+/* Sets the polygons' radiance, minus ambient, with light from the cells if there is any yet. Returns the relative
+   change. */
+static double spsi_cell_walls_send(const spsi_cell_job *job, int c, int lit) {
     const spsi_cell_grid *grid = job->grid;
     const double ambient = (double)job->frame->given.ambient[c];
-    const size_t count = grid->count, own = (size_t)c * count;
     double changed = 0, all = 0;
-    for (size_t at = 0; at < count; ++at) {
-        double point[3], normal[3], color, sent;
-        if (!blockers->closed[at] && !blockers->outside[at]) continue;
-        color = (double)blockers->color[own + at];
-        sent = color * ambient + (double)blockers->lit[own + at] - ambient;
-        if (job->blocker_light && spsi_cell_blockers_mean(job, at, point, normal)) {
+    for (size_t at = 0; at < grid->count; ++at) {
+        spsi_cell_wall *wall = &job->walls[at];
+        double point[3], normal[3], color = (double)wall->color[c], sent;
+        if (!wall->closed && !wall->outside) continue;
+        sent = color * ambient + (double)wall->lit[c] - ambient;
+        if (lit && spsi_cell_wall_mean(grid, wall, point, normal)) {
             const spsi_cell_receiver to = {point, normal, NULL};
             double irradiance[3] = {0, 0, 0};
             spsi_cells_irradiance(&job->coarse, c, 1, &to, irradiance);
             sent += color / SPSI_PI * irradiance[0];
         }
-        changed += fabs(sent - (double)blockers->sent[at]);
+        changed += fabs(sent - (lit ? (double)wall->sent : 0));
         all += fabs(sent);
-        blockers->sent[at] = (float)sent;
+        wall->sent = (float)sent;
     }
     return all > 0 ? changed / all : 0;
 }
@@ -22192,7 +22146,7 @@ static void spsi_hits_reflect(const spsi_cell_job *job, const spsi_cell_hits *hi
 /* Rays cover equal solid angles. */
 static void spsi_beams_list(const spsi_cell_job *job, const spsi_light *light, const spsi_shadow *shadow,
                             spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
-    const spsi_cell_view view = {job->faces, job->grid, job->grid->size, 1, {0, 0, 0}, {0, 0, 0}};
+    const spsi_cell_view view = {job->faces, job->grid, {0, 0, 0}, {0, 0, 0}};
     const double solid = 2 * SPSI_PI * light->cone.none / (SPSI_BEAM_RINGS * SPSI_BEAM_RINGS);
     const double to_gas = solid * spsi_cells_beams(job, light, 0),
                  to_polygons = solid * spsi_cells_beams(job, light, 1);
@@ -22222,10 +22176,11 @@ static void spsi_beams_list(const spsi_cell_job *job, const spsi_light *light, c
 static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t most, spsi_tree_item *items) {
     const spsi_cell_grid *grid = job->grid;
     const int *size = grid->size, rays = (int)spsi_dmax(4, spsi_dmin(4 / covered, 64));
-    spsi_cell_view view = {job->faces, grid, size, 1, {0, 0, 0}, {0, 0, 0}};
+    spsi_cell_view view = {job->faces, grid, {0, 0, 0}, {0, 0, 0}};
     for (int n = 0; n < size[0] * size[1] * size[2]; ++n) {
         const size_t at = (size_t)(n / size[0] * grid->pitch + n % size[0]);
-        const double flies = -(double)job->blockers.patch[at] * spsi_dmin(2 - 6 * covered, 1);
+        spsi_cell_wall *wall = &job->walls[at];
+        const double flies = -(double)wall->patch * spsi_dmin(2 - 6 * covered, 1);
         if (!(flies > 1e-6) || (size_t)job->flights[SPSI_FLIGHTS_SPOTS].count + 6 > most) continue;
         spsi_cell_view_move(&view, n % size[0], n / size[0] % size[1], n / size[0] / size[1]);
         for (int way = 0; way < 6; ++way) {
@@ -22233,8 +22188,7 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
             spsi_cell_hits hits;
             hits.count = 0;
             const int link = 13 - back * (axis == 0 ? 1 : axis == 1 ? 3 : 9); /* directions omit 13, the cell itself */
-            const uint64_t blocked = last ? job->blockers.outside[at] >> (link - (link > 13))
-                                          : job->blockers.closed[at] >> link;
+            const uint64_t blocked = last ? wall->outside >> (link - (link > 13)) : wall->closed >> link;
             if (!(blocked & 1)) continue;
             for (int i = 0; i < rays; ++i) {
                 const double turn = i * 0.6180339887498949, aside[2] = {(i + 0.5) / rays, turn - floor(turn)};
@@ -22249,8 +22203,7 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
             spsi_cell_hits_light_all(job, &hits);
             spsi_hits_reflect(job, &hits, 0, hits.count, items);
         }
-        for (size_t c = 0; c < (size_t)grid->channels; ++c)
-            job->blockers.lit[c * grid->count + at] *= (float)(1 - flies);
+        for (int c = 0; c < grid->channels; ++c) wall->lit[c] *= (float)(1 - flies);
     }
 }
 
@@ -22262,33 +22215,35 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
 static double spsi_patches_find(const spsi_cell_job *job) {
     const int *size = job->grid->size, pitch = job->grid->pitch;
     const double side = (double)size[0] * size[1] * size[2] / spsi_imin(size[0], spsi_imin(size[1], size[2]));
-    float *patch = job->blockers.patch;
-    int *queue = (int *)(void *)job->blockers.sent; /* set later; -1 - a cell: dark, at a rim */
+    spsi_cell_wall *walls = job->walls; /* queued: -1 - a cell: dark, at a rim */
     double covered = 0;
     size_t count = 0, end = 0;
     const size_t cells = (size_t)(pitch * size[1] * size[2]);
     float most = 0;
-    for (size_t at = 0; at < cells; ++at) most = spsi_fmax(most, patch[at]);
+    for (size_t at = 0; at < cells; ++at) most = spsi_fmax(most, walls[at].patch);
     for (size_t n = 5 * cells, start = 0; n > 0; --n, start = start > 0 ? start - 1 : cells - 1) {
         double sum = 0;
         if (start == 0) most *= 0.01f; /* brightest first: rims may be slightly lit */
-        if (patch[start] > most) patch[queue[end++] = (int)start] *= -1;
+        if (walls[start].patch > most) walls[walls[end++].queued = (int)start].patch *= -1;
         for (size_t i = count; i < end; ++i) {
-            const int own = queue[i];
-            sum -= own < 0 ? 0 : (double)patch[own];
+            const int own = walls[i].queued;
+            const float bright = own < 0 ? 0 : walls[own].patch;
+            sum -= (double)bright;
             for (int link = 0; link < 27 && own >= 0; ++link) {
                 const int x = own % pitch + 1 - link % 3, y = own / pitch % size[1] + 1 - link / 3 % 3;
                 const int z = own / pitch / size[1] + 1 - link / 9, at = (z * size[1] + y) * pitch + x;
                 if (x < 0 || y < 0 || z < 0 || x >= size[0] || y >= size[1] || z >= size[2]) continue;
-                if ((job->blockers.closed[own] >> link & 1) || patch[at] < 0 || patch[at] > -100 * patch[own]) continue;
-                queue[end++] = -100 * patch[at] < patch[own] ? at : -1 - at;
-                patch[at] = -100 * patch[at] < patch[own] ? -patch[at] : patch[own];
+                float *patch = &walls[at].patch;
+                if ((walls[own].closed >> link & 1) || *patch < 0 || *patch > -100 * bright) continue;
+                walls[end++].queued = -100 * *patch < bright ? at : -1 - at;
+                *patch = -100 * *patch < bright ? -*patch : bright;
             }
         }
         for (; count < end; ++count) {
-            float *own = &patch[queue[count] < 0 ? -1 - queue[count] : queue[count]];
-            *own = -(float)spsi_dmax(1e-9, spsi_dmin(2 + 6 * sum / (side * (double)*own), 1));
-            covered -= queue[count] < 0 ? 0 : (double)*own / side;
+            const int own = walls[count].queued;
+            float *patch = &walls[own < 0 ? -1 - own : own].patch;
+            *patch = -(float)spsi_dmax(1e-9, spsi_dmin(2 + 6 * sum / (side * (double)*patch), 1));
+            covered -= own < 0 ? 0 : (double)*patch / side;
         }
     }
     return covered > 1e-6 && covered < 1.0 / 3 ? covered : 0;
@@ -22306,7 +22261,7 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     spsi_tree_item *items[SPSI_FLIGHT_TREES];
     size_t most[SPSI_FLIGHT_TREES];
     const int blocks = spsi_emitter_blocks(job->context, frame, &most[SPSI_FLIGHTS_EMISSION]);
-    const double covered = job->blockers.closed && job->grid_count == 1 ? spsi_patches_find(job) : 0;
+    const double covered = job->walls && job->grid_count == 1 ? spsi_patches_find(job) : 0;
     int shadow = 0;
     most[SPSI_FLIGHTS_EMISSION] += frame->matter.emits ? (size_t)frame->content->particle_count : 0;
     most[SPSI_FLIGHTS_SPOTS] = 0;
@@ -22361,8 +22316,8 @@ static void spsi_cells_light_task(void *data, int row) {
     const int y = row % grid->size[1], z = row / grid->size[1];
     spsi_cell_spot spot;
     spot.row = (size_t)row * (size_t)grid->pitch;
-    for (size_t at = spot.row; at < spot.row + (size_t)grid->size[0] && job->blockers.closed && grid->pyramid; ++at)
-        spsi_cell_blockers_fly(job, at);
+    for (int x = 0; x < grid->size[0] && job->walls && grid->pyramid; ++x)
+        spsi_cell_wall_fly(job, &job->walls[spot.row + (size_t)x]);
     for (int n = 0; n < 4; ++n)
         for (int x = 0; x < job->sheets.rays.width; x += SPSI_LANES) {
             const int sy = 2 * y + (n & 1), sz = 2 * z + (n >> 1);
@@ -22381,8 +22336,13 @@ SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage 
     const int count = job->frame->lights.shadow_count, rows = job->grid->size[1] * job->grid->size[2];
     spsi_shadow_table *tables;
     spsi_cell_directions(job->directions);
-    if (spsi_cell_blockers_begin(job)) return context->result;
-    if (count == 0 && !job->blockers.closed) return job->grid->pyramid ? spsi_cells_fly_to(job) : SPS_OK;
+    if (job->faces->count > 0) {
+        const size_t cells = job->grid->count;
+        job->walls = (spsi_cell_wall *)spsi_reserve(context, SPSI_BUFFER_CELL_WALLS, cells, sizeof *job->walls);
+        if (!job->walls) return context->result;
+        memset(job->walls, 0, cells * sizeof *job->walls);
+    }
+    if (count == 0 && !job->walls) return job->grid->pyramid ? spsi_cells_fly_to(job) : SPS_OK;
     job->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *job->shadows);
     tables =
         (spsi_shadow_table *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *tables);
@@ -22395,7 +22355,7 @@ SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage 
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
     spsi_cells_shader(job->frame, job->faces, &job->sheets.rays, &job->sheets.slabs, &job->sweep, &job->shader);
     if (!spsi_cells_shadows(job, part, tables)) {
-        if (job->blockers.closed) spsi_parallel_items(context, rows, spsi_cells_blockers_task, job);
+        if (job->walls) spsi_parallel_items(context, rows, spsi_cell_walls_task, job);
         if (!job->grid->pyramid || !spsi_cells_fly_to(job))
             spsi_parallel_items(context, rows, spsi_cells_light_task, job);
     }
@@ -22418,6 +22378,10 @@ static void spsi_cells_equations_task(void *data, int row) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         const float emitted = job->emitted[(size_t)c * grid->count + at], whole = grid->depth[at];
         float degree[SPSI_CELL_ORDERS] = {0}, depth = whole, keep[SPSI_CELL_ORDERS];
+        if (job->walls && job->walls[at].closed) {
+            level->closed[at] |= job->walls[at].closed;
+            level->closed[at - (size_t)x] |= SPSI_CELL_ROW_CLOSED;
+        }
         if (!(whole > 0 || emitted > 0)) continue; /* empty */
         for (int m = 0; m < job->frame->matter.material_count; ++m) {
             const float scattered = job->scattered[(size_t)(m * grid->channels + c) * grid->count + at];
@@ -22432,36 +22396,29 @@ static void spsi_cells_equations_task(void *data, int row) {
         }
         for (int t = 0; t < grid->terms; ++t) {
             const float light = job->incoming[(size_t)(c * grid->terms + t) * grid->count + at];
-            const float blocker = job->blocker_light ? job->blocker_light[(size_t)t * grid->count + at] : 0;
             const float flown = grid->flown ? grid->flown[(size_t)(c * grid->terms + t) * grid->count + at] : 0;
             level->given[(size_t)t * grid->count + at] =
-                whole > 0 ? keep[spsi_term_degree(t)] * (light / (4 * whole) + blocker + flown) : 0;
+                whole > 0 ? keep[spsi_term_degree(t)] * (light / (4 * whole) + flown) : 0;
         }
         if (depth > 0) level->given[at] += emitted / depth - (1 - keep[0]) * job->frame->given.ambient[c];
     }
 }
 
 /* `memory` NULL: only counts. */
-SPSI_COLD size_t spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float *memory) {
-    const size_t terms = (size_t)(orders * orders) * level->count;
+SPSI_COLD size_t spsi_cell_level_lay_out(const spsi_cell_grid *grid, spsi_cell_level *level, float *memory) {
+    const size_t terms = (size_t)grid->terms * level->count;
     uint64_t laid = 0;
     level->depth = spsi_lay(memory, &laid, level->count);
     for (int i = 0; i < SPSI_CELL_LENGTHS; ++i) {
         level->through[i] = spsi_lay(memory, &laid, level->count);
         level->average[i] = spsi_lay(memory, &laid, level->count);
     }
-    for (int l = 0; l < orders; ++l) level->keep[l] = spsi_lay(memory, &laid, level->count);
+    for (int l = 0; l < grid->orders; ++l) level->keep[l] = spsi_lay(memory, &laid, level->count);
+    level->closed = grid->flux_terms > 0 ? (uint32_t *)(void *)spsi_lay(memory, &laid, level->count) : NULL;
     level->given = spsi_lay(memory, &laid, terms);
     level->sent = spsi_lay(memory, &laid, terms);
     for (int i = 0; i < 2; ++i) level->moments[i] = spsi_lay(memory, &laid, terms);
     return (size_t)laid;
-}
-
-SPSI_COLD size_t spsi_cell_solver_blocker_floats(const spsi_cell_solver *solver) {
-    size_t floats = 3 * (size_t)solver->terms * solver->levels[0].count;
-    for (int n = 1; n < solver->level_count; ++n)
-        floats += solver->levels[n].count + spsi_cell_rows_floats(solver->levels[n].size);
-    return floats;
 }
 
 /* Levels are halved down to four cells. */
@@ -22480,11 +22437,10 @@ SPSI_COLD size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_sol
         }
         level->pitch = spsi_cell_pitch(level->size[0]);
         level->count = spsi_cell_stride((size_t)level->pitch * (size_t)spsi_imax(2, level->size[1] * level->size[2]));
-        floats += spsi_cell_level_lay_out(level, grid->orders, NULL);
+        floats += spsi_cell_level_lay_out(grid, level, NULL);
         if (longest <= 4) break;
     }
-    floats += 2 * spsi_cell_sweep_floats(&solver->levels[0]) + 4 * (size_t)grid->size[2] + 2;
-    return grid->flux_terms > 0 ? floats + spsi_cell_solver_blocker_floats(solver) : floats;
+    return floats + 2 * spsi_cell_sweep_floats(&solver->levels[0]) + 4 * (size_t)grid->size[2] + 2;
 }
 
 SPSI_COLD sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_grid *grid,
@@ -22500,7 +22456,7 @@ SPSI_COLD sps_result spsi_cell_solver_build(sps_context *context, const spsi_cel
     solver->balance = (double *)(void *)memory;
     memory += 4 * grid->size[2];
     for (int n = 0; n < solver->level_count; ++n)
-        memory += spsi_cell_level_lay_out(&solver->levels[n], grid->orders, memory);
+        memory += spsi_cell_level_lay_out(grid, &solver->levels[n], memory);
     solver->scratch = memory;
     return SPS_OK;
 }
@@ -22509,46 +22465,6 @@ SPSI_COLD sps_result spsi_cell_solver_build(sps_context *context, const spsi_cel
 
 #define SPSI_CELL_RETURNS 6    /* reflections by polygons, at most */
 #define SPSI_CELL_CHANGE  5e-3 /* tolerated relative change of polygons' radiance */
-
-static void spsi_cells_close_task(void *data, int row) {
-    const spsi_cell_job *job = (const spsi_cell_job *)data;
-    const spsi_cell_level *level = &job->solver->levels[job->level];
-    const int y = row % level->size[1], z = row / level->size[1];
-    spsi_cell_view view = {job->faces, job->grid, level->size, 1 << job->level, {0, 0, 0}, {0, 0, 0}};
-    spsi_cell_view_move(&view, 0, y, z);
-    if (!spsi_cell_view_near(&view, level->size[0])) return;
-    for (int x = 0; x < level->size[0]; ++x) {
-        uint32_t *closed = &level->closed[(size_t)row * (size_t)level->pitch + (size_t)x];
-        spsi_cell_view_move(&view, x, y, z);
-        if (spsi_cell_view_near(&view, 1)) *closed = spsi_cell_view_closed(&view, NULL);
-        if (*closed) level->walled[row] = 1;
-    }
-}
-
-/* `plain`: the finest level with no light from cells. */
-SPSI_COLD void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
-    spsi_cell_solver *solver = job->solver;
-    const size_t floats = (size_t)solver->terms * solver->levels[0].count;
-    float *memory = solver->scratch + 2 * spsi_cell_sweep_floats(&solver->levels[0]);
-    memset(memory, 0, spsi_cell_solver_blocker_floats(solver) * sizeof *memory);
-    solver->levels[0].closed = job->blockers.closed;
-    solver->levels[0].walled = job->blockers.walled;
-    for (int n = 0; n < job->grid->size[1] * job->grid->size[2]; ++n) solver->walled |= job->blockers.walled[n];
-    *plain = solver->levels[0];
-    plain->blockers = job->blockers.sent;
-    plain->outside = job->blockers.outside;
-    plain->sent = memory;
-    plain->moments[0] = memory + floats;
-    plain->moments[1] = memory + 2 * floats;
-    memory += 3 * floats;
-    for (job->level = 1; job->level < solver->level_count; ++job->level) {
-        spsi_cell_level *level = &solver->levels[job->level];
-        level->closed = (uint32_t *)(void *)memory;
-        level->walled = (unsigned char *)(memory + level->count);
-        memory += level->count + spsi_cell_rows_floats(level->size);
-        spsi_parallel_items(job->context, level->size[1] * level->size[2], spsi_cells_close_task, job);
-    }
-}
 
 /* Returns NULL if there is no room. `number`: index + 1; 0: new. The first bright channel sets the direction. */
 static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int row, int *number) {
@@ -22568,7 +22484,7 @@ static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int
             mean[c] = grid->terms > 1 ? sqrt(0.75) * (double)(sent[(size_t)term[c] * grid->count] / sent[0]) : 0;
         }
         for (int k = 0; k < 3; ++k) like.axis[k] = (float)(mean[k] / spsi_dmax(spsi_length(mean), 1));
-        spsi_cell_centre(grid, 1, column, row % grid->size[1], row / grid->size[1], point);
+        spsi_cell_centre(grid, column, row % grid->size[1], row / grid->size[1], point);
         spsi_emitters_add(flights, point, 1, -1, &like, items);
         if (flights->count > before) {
             memset(flights->emitters[before].sent, 0, sizeof like.sent);
@@ -22623,24 +22539,22 @@ static void spsi_cells_send_emission(const spsi_cell_job *job, int channel, floa
         if (level->depth[at] > 0) level->sent[at] += fraction * emitted[at] / level->depth[at];
 }
 
-/* Sweeps once more without first flights. `light`, for cells, loses the emitters' light that flies to cells; light for
-   polygons loses all of it, and emission for polygons only. */
+/* Takes first flights out of what cells send. `light`, for cells, loses the emitters' light that flies to cells; light
+   for polygons loses all of it, and emission for polygons only. */
 static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *light) {
     spsi_cell_level *level = &job->solver->levels[0];
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;
-    const float fraction = job->blockers.closed && all > cells ? (all - cells) / (1 - cells) : 0;
+    const float fraction = job->walls && all > cells ? (all - cells) / (1 - cells) : 0;
     const int flies = cells > 0 && job->grid->flown;
-    if (!job->blockers.closed && !flies) return;
+    if (!job->walls && !flies) return;
     spsi_cells_send_emission(job, channel, -fraction);
-    int apart = spsi_cells_set_apart(job, channel);
-    if (apart && flies) {
+    if (spsi_cells_set_apart(job, channel) && flies) {
         spsi_cells_send_emission(job, channel, fraction);
         spsi_cells_sweep(level);
         for (size_t i = 0; i < (size_t)job->grid->terms * job->grid->count; ++i)
             light[i] += cells * (level->moments[0][i] - light[i]);
         spsi_cells_send_emission(job, channel, -fraction);
     }
-    if (fraction > 0 || (apart && !flies)) spsi_cells_sweep(level);
 }
 
 /* Ends rays at closed links. */
@@ -22697,7 +22611,7 @@ static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v fro
 }
 
 /* Trims a patch whose outermost cells polygons cut off from the side's middle. */
-static void spsi_cell_patch_trim(const spsi_cell_level *level, const spsi_cell_grid *grid, int patch) {
+static void spsi_cell_patch_trim(const spsi_cell_wall *walls, const spsi_cell_grid *grid, int patch) {
     const int side = spsi_cell_patch_side(grid, patch), axis = side / 2;
     const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
     const float *own = grid->patches + patch;
@@ -22717,7 +22631,7 @@ static void spsi_cell_patch_trim(const spsi_cell_level *level, const spsi_cell_g
             at[along[!i]] = line;
             for (int cell = inner; cell != outer; cell += step) {
                 at[along[i]] = cell;
-                if (level->closed[(at[2] * grid->size[1] + at[1]) * level->pitch + at[0]] >>
+                if (walls[(at[2] * grid->size[1] + at[1]) * grid->pitch + at[0]].closed >>
                         spsi_cell_link(link[0], link[1], link[2]) & 1)
                     break;
                 if ((cell + step - reach) * step > 0) reach = cell + step;
@@ -22728,7 +22642,7 @@ static void spsi_cell_patch_trim(const spsi_cell_level *level, const spsi_cell_g
     }
 }
 
-static void spsi_cells_place_patches(const spsi_cell_solver *solver, const spsi_cell_grid *grid) {
+static void spsi_cells_place_patches(const spsi_cell_job *job, const spsi_cell_grid *grid) {
     for (int n = 0; n < 6 * grid->across * grid->across; ++n) {
         const int side = spsi_cell_patch_side(grid, n), axis = side / 2;
         const int at[2] = {n % grid->across, n / grid->across % grid->across};
@@ -22738,7 +22652,7 @@ static void spsi_cells_place_patches(const spsi_cell_solver *solver, const spsi_
             spsi_cell_patch_set(grid, n, i, extent * spsi_cell_patch_begin(grid, at[i]),
                                 extent * spsi_cell_patch_begin(grid, at[i] + 1));
         }
-        if (solver->walled) spsi_cell_patch_trim(&solver->levels[0], grid, n);
+        if (job->solver->walled) spsi_cell_patch_trim(job->walls, grid, n);
     }
 }
 
@@ -22801,7 +22715,7 @@ static void spsi_cells_single_task(void *data, int row) {
         double travel[3];
         job->solver->single[(size_t)set * grid->count + at] = single;
         if (!(single > 0)) continue;
-        spsi_cell_centre(grid, 1, x, row % grid->size[1], row / grid->size[1], travel);
+        spsi_cell_centre(grid, x, row % grid->size[1], row / grid->size[1], travel);
         spsi_along(travel, grid->lights[light].at, -1, travel);
         spsi_normalise(travel);
         spsi_harmonics(travel, term);
@@ -22843,49 +22757,39 @@ SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_
     for (int n = 0; n < (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET; ++n) sent[n] *= (float)out;
 }
 
-/* Sweeps the cells' light that polygons reflect, unless it hardly changed. Returns the change. */
-SPSI_COLD double spsi_cells_reflect(spsi_cell_job *job, int channel, spsi_cell_level *plain) {
-    if (job->blocker_light) spsi_cells_take_flux(job, channel, &job->coarse);
-    double change = spsi_cell_blockers_send(job, channel);
-    if (change < SPSI_CELL_CHANGE && job->blocker_light) return change;
-    if (change > 0)
-        spsi_cells_sweep(plain);
-    else
-        memset(plain->moments[0], 0, (size_t)job->solver->terms * plain->count * sizeof(float));
-    job->blocker_light = plain->moments[0];
-    return change;
+/* Light of cells alone: polygons do not light one another. */
+SPSI_COLD void spsi_cells_light_polygons(spsi_cell_job *job, const spsi_cell_grid *leaves) {
+    spsi_cell_level *level = &job->solver->levels[0];
+    level->walls = NULL;
+    spsi_cells_sweep(level);
+    spsi_cells_take_flux(job, job->channel, leaves);
+    level->walls = job->walls;
 }
 
-SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_level *plain, const spsi_call_stage *part) {
+SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_call_stage *part) {
     spsi_cell_solver *solver = job->solver;
+    spsi_cell_level *level = &solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
     const size_t moments = (size_t)grid->terms * grid->count;
-    const float *found = solver->levels[0].moments[0];
     float *light = grid->moments + (size_t)job->channel * moments;
     spsi_call_stage each = *part;
-    double last = 0, change = 0;
-    memset(solver->levels[0].depth, 0, (size_t)(solver->scratch - solver->levels[0].depth) * sizeof(float));
-    job->blocker_light = NULL;
-    if (plain) {
-        memset(job->blockers.sent, 0, grid->count * sizeof(float));
-        spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
-        spsi_cells_levels(solver);
-        change = spsi_cells_reflect(job, job->channel, plain);
-    }
+    double last = 0;
+    memset(level->depth, 0, (size_t)(solver->scratch - level->depth) * sizeof(float));
+    level->walls = job->walls;
+    spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
     for (int n = 0; n < SPSI_CELL_RETURNS; ++n) {
+        const double change = job->walls ? spsi_cell_walls_send(job, job->channel, n > 0) : 0;
+        if (n > 0 && change < SPSI_CELL_CHANGE) break;
         each.share *= 0.5;
-        spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
         if (spsi_cells_solve(solver, n > 0, &each)) return job->context->result;
-        memcpy(light, found, moments * sizeof(float));
+        memcpy(light, level->moments[0], moments * sizeof(float));
         each.progress += each.share;
-        if (!plain || change * change < SPSI_CELL_CHANGE * last) break; /* the next change shrinks by as much */
+        if (!job->walls || change * change < SPSI_CELL_CHANGE * last) break; /* the next change shrinks by as much */
         last = change;
-        change = spsi_cells_reflect(job, job->channel, plain);
-        if (change < SPSI_CELL_CHANGE) break;
+        spsi_cells_light_polygons(job, &job->coarse);
     }
     if (grid->pyramid) spsi_cells_sweep_rest(job, job->channel, light);
-    if (plain) spsi_cells_take_flux(job, job->channel, grid);
-    for (size_t i = 0; i < moments && plain; ++i) light[i] += job->blocker_light[i];
+    if (job->walls) spsi_cells_light_polygons(job, grid);
     return SPS_OK;
 }
 
@@ -22893,23 +22797,22 @@ SPSI_COLD sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_call_st
     sps_context *context = job->context;
     const spsi_cell_grid *grid = job->grid;
     spsi_call_stage each = *part;
-    spsi_cell_level plain;
     spsi_cell_solver solver;
     if (spsi_cell_solver_build(context, grid, &solver)) return context->result;
     job->solver = &solver;
     solver.single = job->samples + grid->count; /* after the emitter numbers */
     solver.set_count = grid->light_count * grid->peak_count;
-    if (job->blockers.closed) {
-        spsi_cells_close(job, &plain);
+    if (job->walls) {
+        for (size_t at = 0; at < grid->count; ++at) solver.walled |= job->walls[at].closed != 0;
         job->coarse = *grid;
         job->coarse.across /= 2;
         job->coarse.patches += spsi_cell_patch_floats(grid);
-        spsi_cells_place_patches(&solver, grid);
-        spsi_cells_place_patches(&solver, &job->coarse);
+        spsi_cells_place_patches(job, grid);
+        spsi_cells_place_patches(job, &job->coarse);
     }
     each.share /= grid->channels;
     for (job->channel = 0; job->channel < grid->channels; ++job->channel, each.progress += each.share)
-        if (spsi_cells_solve_channel(job, job->blockers.closed ? &plain : NULL, &each)) return context->result;
+        if (spsi_cells_solve_channel(job, &each)) return context->result;
     return SPS_OK;
 }
 
@@ -22968,7 +22871,8 @@ SPSI_COLD size_t spsi_cells_bytes(const spsi_frame *frame) {
     floats = spsi_cell_job_floats(frame, &grid) * grid.count + spsi_cell_solver_size(&grid, &solver);
     floats += SPSI_CELL_GRIDS * spsi_cell_grid_lay_out(frame, &grid, NULL);
     if (grid.flux_terms > 0) /* polygons receive light from cells */
-        floats += spsi_cell_blockers_floats(&grid) + spsi_ray_count(&frame->content->eye) * (size_t)frame->channels;
+        floats += grid.count * (sizeof(spsi_cell_wall) / sizeof(float)) +
+                  spsi_ray_count(&frame->content->eye) * (size_t)frame->channels;
     for (int i = 0; i < frame->lights.count; ++i) {
         spsi_light coarse = frame->lights.list[i];
         size_t held, filling;

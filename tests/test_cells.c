@@ -2158,7 +2158,7 @@ static void test_plan(void) {
         if (n == 4 || n == 6) { /* nothing but cells, and polygons about them */
             /* the bound is a cube's, as the gas is, whose light is held four times */
             static const int own[] = {SPSI_BUFFER_CELL_GRID,  SPSI_BUFFER_CELL_JOB,    SPSI_BUFFER_CELLS,
-                                      SPSI_BUFFER_CELL_BLOCKERS, SPSI_BUFFER_CELL_SOLVER, SPSI_BUFFER_CELL_MOMENTS};
+                                      SPSI_BUFFER_CELL_WALLS, SPSI_BUFFER_CELL_SOLVER, SPSI_BUFFER_CELL_MOMENTS};
             size_t bytes = 0;
             for (int i = 0; i < 6; ++i) bytes += (i < 5 ? 1 : SPSI_CELL_GRIDS) * by->buffers[own[i]].size;
             if (figures()) printf("plan: %zu of %zu bytes for cells alone\n", bytes, report.pass[SPS_PASS_CELLS].bytes);

@@ -113,13 +113,13 @@ static void check_links(const plane *wall) {
             for (at[0] = 0; at[0] < grid->size[0]; ++at[0])
                 for (int link = 0; link < 27; ++link) {
                     const int from[3] = {at[0] - (link % 3 - 1), at[1] - (link / 3 % 3 - 1), at[2] - (link / 9 - 1)};
-                    const int is = job_of(context)->blockers.closed[cell_at(grid, at)] >> link & 1;
+                    const int is = job_of(context)->walls[cell_at(grid, at)].closed >> link & 1;
                     double here[3], there[3];
                     int inside = link != 13;
                     for (int k = 0; k < 3; ++k) inside &= from[k] >= 0 && from[k] < grid->size[k];
                     if (!inside) continue;
-                    spsi_cell_centre(grid, 1, at[0], at[1], at[2], here);
-                    spsi_cell_centre(grid, 1, from[0], from[1], from[2], there);
+                    spsi_cell_centre(grid, at[0], at[1], at[2], here);
+                    spsi_cell_centre(grid, from[0], from[1], from[2], there);
                     wrong += is != is_between(wall, here, there);
                     closed += is;
                 }
@@ -143,7 +143,7 @@ static void test_links(void) {
         s.mesh[0].revision = (uint64_t)n + 1;
         check_render(context, &s, image_a);
         for (size_t i = 0; i < grid_of(context)->count; ++i)
-            if (job_of(context)->blockers.closed[i]) CHECK(!"panes close links");
+            if (job_of(context)->walls[i].closed) CHECK(!"panes close links");
     }
 }
 
@@ -181,11 +181,11 @@ static void test_trimmed(void) {
    its share of the sphere. */
 static void test_rays(void) {
     enum { CELLS = 20 };
-    static const int size[3] = {CELLS, CELLS, CELLS};
     static spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
     static spsi_cell_grid grid;
     static spsi_faces none;
     grid.edge = 0.25;
+    grid.size[0] = grid.size[1] = grid.size[2] = CELLS;
     spsi_cell_directions(directions);
     for (int i = 0; i < SPSI_CELL_DIRECTIONS; ++i) {
         const float *harmonic = directions[i].harmonic;
@@ -194,7 +194,7 @@ static void test_rays(void) {
         double mean[3] = {0, 0, 0}, square = 0;
         int count = 0, wrong = 0;
         for (int cell = 0; cell < CELLS * CELLS * CELLS; ++cell) {
-            spsi_cell_view view = {&none, &grid, size, 1, {0, 0, 0}, {0, 0, 0}};
+            spsi_cell_view view = {&none, &grid, {0, 0, 0}, {0, 0, 0}};
             spsi_ray ray;
             spsi_hit hit;
             double off[3];
@@ -248,7 +248,7 @@ static void test_dark_side(void) {
             for (at[1] = 0; at[1] < grid->size[1]; ++at[1])
                 for (at[0] = 0; at[0] < grid->size[0]; ++at[0]) {
                     double centre[3], side;
-                    spsi_cell_centre(grid, 1, at[0], at[1], at[2], centre);
+                    spsi_cell_centre(grid, at[0], at[1], at[2], centre);
                     side = vec_dot(walls[n].normal, centre) - walls[n].offset;
                     if (side > 0) lit = fmax(lit, (double)grid->moments[cell_at(grid, at)]);
                     if (side < -1.8 * grid->edge) dark = fmax(dark, (double)grid->moments[cell_at(grid, at)]);
@@ -324,7 +324,10 @@ static void test_outside(void) {
     grid.thick = &thick; /* the shape of the grid does not show in what leaves */
     for (int k = 0; k < 3; ++k) grid.corner[k] = -0.5 * grid.edge * grid.size[k];
     static spsi_cell_solver solver; /* whose links are open */
-    spsi_cells_place_patches(&solver, &grid);
+    spsi_cell_job job;
+    memset(&job, 0, sizeof job);
+    job.solver = &solver;
+    spsi_cells_place_patches(&job, &grid);
     for (int i = 0; i < 2 * SPSI_CELL_SHEET; ++i) patches[SPSI_CELL_PLACES * SPSI_CELL_SHEET + i] = 1; /* flux; even */
     for (int n = 0; n < 5 * 4; ++n) {
         const double *place = places[n / 4], *normal = normals[n % 4];
@@ -991,7 +994,7 @@ static void test_failures(void) {
 static void test_plan(void) {
     for (int n = 0; n < 2; ++n) {
         static const int own[] = {SPSI_BUFFER_CELL_GRID,   SPSI_BUFFER_CELL_JOB,     SPSI_BUFFER_CELLS,
-                                  SPSI_BUFFER_CELL_SOLVER, SPSI_BUFFER_CELL_MOMENTS, SPSI_BUFFER_CELL_BLOCKERS};
+                                  SPSI_BUFFER_CELL_SOLVER, SPSI_BUFFER_CELL_MOMENTS, SPSI_BUFFER_CELL_WALLS};
         sps_context *by = check_context(NULL);
         sps_plan_report report;
         size_t bytes = 0;

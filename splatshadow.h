@@ -17307,25 +17307,10 @@ static void spsi_cells_residual_task(void *data, int z) {
     balance[1] = spsi_total(all);
 }
 
-/* Residuals, and a Jacobi step. */
-static void spsi_cells_relax_task(void *data, int z) {
-    const spsi_cell_level *level = (const spsi_cell_level *)data;
-    const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
-    spsi_cells_residual_task(data, z);
-    for (int t = 0; t < level->solver->terms; ++t) {
-        const float *keep = level->keep[spsi_term_degree(t)], *miss = level->moments[1] + (size_t)t * level->count;
-        float *sent = level->sent + (size_t)t * level->count;
-        for (size_t at = first; at < first + (size_t)(level->size[1] * level->pitch); at += SPSI_LANES) {
-            const spsi_v more = spsi_div(spsi_load(miss + at), spsi_relaxation_divisor(level, keep, at));
-            spsi_store(sent + at, spsi_add(spsi_load(sent + at), more));
-        }
-    }
-}
-
 /* --- levels --- */
 
 typedef struct spsi_cell_step {
-    const spsi_cell_level *fine, *coarse;
+    const spsi_cell_level *fine, *coarse; /* coarse: NULL on the coarsest level */
     const float *from;
     float *to;
     int count;
@@ -17379,21 +17364,21 @@ static inline float spsi_cell_rows_at(const float *const row[4], int x, int size
     return (3 * here + next) * (1.0f / 64);
 }
 
-/* Prolongs the coarse source and its scattered moments; relaxes the rest per cell. */
+/* Prolongs the coarse source and its scattered moments; relaxes the rest per cell: a Jacobi step. */
 static void spsi_cells_correct_task(void *data, int z) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
     for (int t = 0; t < step->count; ++t)
         for (int y = 0; y < fine->size[1]; ++y) {
-            const size_t term = (size_t)t * coarse->count, row = (size_t)(z * fine->size[1] + y) * (size_t)fine->pitch;
+            const size_t row = (size_t)(z * fine->size[1] + y) * (size_t)fine->pitch;
             const float *moments[4], *given[4], *keep = fine->keep[spsi_term_degree(t)];
             const float *miss = fine->moments[1] + (size_t)t * fine->count + row;
             float *sent = fine->sent + (size_t)t * fine->count + row, unkept[SPSI_LANES];
-            spsi_cell_rows_about(coarse, coarse->moments[0] + term, y, z, moments);
-            spsi_cell_rows_about(coarse, coarse->given + term, y, z, given);
+            if (coarse) spsi_cell_rows_about(coarse, coarse->moments[0] + (size_t)t * coarse->count, y, z, moments);
+            if (coarse) spsi_cell_rows_about(coarse, coarse->given + (size_t)t * coarse->count, y, z, given);
             for (int x = 0; x < fine->size[0]; ++x) {
-                const float smooth = spsi_cell_rows_at(given, x, coarse->size[0]);
-                const float back = spsi_cell_rows_at(moments, x, coarse->size[0]);
+                const float smooth = coarse ? spsi_cell_rows_at(given, x, coarse->size[0]) : 0;
+                const float back = coarse ? spsi_cell_rows_at(moments, x, coarse->size[0]) : 0;
                 const size_t at = row + (size_t)x;
                 if (x % SPSI_LANES == 0) spsi_store(unkept, spsi_relaxation_divisor(fine, keep, at));
                 sent[x] += smooth + keep[at] * back + (miss[x] - smooth) / unkept[x % SPSI_LANES];
@@ -17429,22 +17414,23 @@ SPSI_COLD double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi
     return sent > 0 ? missing / sent : 0;
 }
 
-static void spsi_cells_check(spsi_cell_level *level, spsi_item_fn task) {
+static void spsi_cells_check(spsi_cell_level *level) {
     spsi_cells_sweep(level);
-    spsi_parallel_items(level->solver->context, level->size[2], task, level);
+    spsi_parallel_items(level->solver->context, level->size[2], spsi_cells_residual_task, level);
 }
 
 /* A W-cycle: two cycles of the next coarser level. Coarse levels find their residual by a sweep first. Recursion is as
    deep as there are levels. */
 SPSI_COLD void spsi_cells_w_cycle(spsi_cell_solver *solver, int n) {
     spsi_cell_level *level = &solver->levels[n], *coarse = level + 1;
-    if (n == solver->level_count - 1) {
-        for (int i = 0; i < SPSI_CELL_REPEATS; ++i) spsi_cells_check(level, spsi_cells_relax_task);
-        return;
+    const int last = n == solver->level_count - 1;
+    spsi_cell_step step = {level, last ? NULL : coarse, level->moments[1], coarse->given, solver->terms};
+    for (int i = 0; i < SPSI_CELL_REPEATS && last; ++i) {
+        spsi_cells_check(level);
+        spsi_parallel_items(solver->context, level->size[2], spsi_cells_correct_task, &step);
     }
-    if (n > 0) spsi_cells_check(level, spsi_cells_residual_task);
-    /* restricts the residual */
-    spsi_cell_step step = {level, coarse, level->moments[1], coarse->given, solver->terms};
+    if (last) return;
+    if (n > 0) spsi_cells_check(level);
     spsi_parallel_items(solver->context, coarse->size[2], spsi_cells_coarsen_task, &step);
     memcpy(coarse->sent, coarse->given, (size_t)solver->terms * coarse->count * sizeof(float));
     for (int i = 0; i < 2; ++i) spsi_cells_w_cycle(solver, n + 1);
@@ -17473,7 +17459,7 @@ SPSI_COLD sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, con
         spsi_cells_levels(solver);
         memset(finest->sent, 0, bytes);
         if (finest->walls)
-            spsi_cells_check(finest, spsi_cells_residual_task);
+            spsi_cells_check(finest);
         else
             memcpy(finest->moments[1], finest->given, bytes);
         spsi_cells_w_cycle(solver, 0);
@@ -17481,7 +17467,7 @@ SPSI_COLD sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, con
     for (int i = 0;; ++i) {
         if (spsi_progress(solver->context, spsi_call_stage_done(part, (double)i / (SPSI_CELL_CYCLES + 1))))
             return solver->context->result;
-        spsi_cells_check(finest, spsi_cells_residual_task);
+        spsi_cells_check(finest);
         if (i == SPSI_CELL_CYCLES || spsi_cells_imbalance(solver, finest) < SPSI_CELL_BALANCE) return SPS_OK;
         spsi_cells_w_cycle(solver, 0);
     }

@@ -55,12 +55,13 @@ CONTENTS (search for the tag)
     >>penumbrae     25 area lights                   >>spreading     26 convolution in sheets
     >>shadows       27 shadows on gas, surfaces      >>scattering    28 forward multiple scattering
     >>cells         29 light from cell to cell       >>flights       30 unscattered light, by geometry
-    >>shading       31 radiance of a sheet           >>lighting      32 lighting the cells
-    >>sweep         33 chunks of slabs, tiles        >>budget        34 settings for time or error
-    >>frame         35 sweeps, then the image        >>plan          36 cost before rendering
-    >>reference     37 brute-force ray marching      >>bounds        38 guaranteed bounds of it
-    >>paths         39 random paths                  >>public        40 the public functions
-    >>licence
+    >>shading       31 radiance of a sheet           >>filling       32 the medium in cells
+    >>lighting      33 light on cells and polygons   >>solving       34 light between cells, polygons
+    >>convolving    35 sheets of spreading light     >>sweep         36 chunks of slabs, tiles
+    >>budget        37 settings for time or error    >>frame         38 sweeps, then the image
+    >>plan          39 cost before rendering         >>reference     40 brute-force ray marching
+    >>bounds        41 guaranteed bounds of it       >>paths         42 random paths
+    >>public        43 the public functions          >>licence
 
 NOT INCLUDED
     No files, no windows, no threads of its own, no GPU. No refraction, no mirrors, no light from polygon to polygon.
@@ -1774,7 +1775,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_BOUND_GRID, /* extinction bounds, >>gather */
     SPSI_BUFFER_FORWARD,    /* >>scattering */
     SPSI_BUFFER_CELL_GRID,  /* >>cells */
-    SPSI_BUFFER_CELL_JOB,   /* >>lighting */
+    SPSI_BUFFER_CELL_JOB,   /* >>filling */
     SPSI_BUFFER_CELLS,      /* contents, incident light */
     SPSI_BUFFER_CELL_TMAPS,
     SPSI_BUFFER_CELL_SOLVER,
@@ -4480,7 +4481,7 @@ SPSI_COLD sps_result spsi_check_sampling(const spsi_subject *at, const int size[
 #define SPSI_COVERAGE_MAX 8 /* per side; masks have 64 bits */
 
 #define SPSI_CELL_SIDE_MOST 256 /* longest side */
-#define SPSI_CELL_GRIDS     4   /* maximum, >>lighting */
+#define SPSI_CELL_GRIDS     4   /* maximum, >>filling */
 
 SPSI_COLD int spsi_has_region(const int r[4]) { return r[0] || r[1] || r[2] || r[3]; }
 
@@ -16918,7 +16919,7 @@ typedef struct spsi_cell_direction {
 typedef struct spsi_cell_wall {
     uint64_t outside;          /* bit i: direction i enters the grid from a polygon */
     uint32_t closed;           /* bit i: a polygon closes the link of step i */
-    int queued;                /* scratch, >>walls */
+    int queued;                /* scratch, >>lighting */
     float color[3], lit[3];    /* per channel: reflectance; reflected radiance of lights */
     float place[3], normal[3]; /* place: from the grid's corner */
     float sent;                /* radiance in the current channel, minus ambient light */
@@ -16969,7 +16970,7 @@ typedef struct spsi_cell_solver {
 
 static int spsi_cell_link(int x, int y, int z) { return x + 1 + 3 * (y + 1) + 9 * (z + 1); }
 
-#define SPSI_CELL_ROW_CLOSED ((uint32_t)1 << 13) /* a row's first cell, link to itself: some links of the row are closed */
+#define SPSI_CELL_ROW_CLOSED ((uint32_t)1 << 13) /* a row's first cell, link to itself: the row has closed links */
 
 /* Real harmonics of mean square 1: degree l has terms l^2 to (l + 1)^2 - 1. `terms` is 1, 4 or all. */
 static inline void spsi_harmonics_v(const spsi_v v[3], int terms, spsi_v out[SPSI_CELL_TERMS]) {
@@ -21262,14 +21263,10 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     return held;
 }
 
-/* ============================================================================================== >>lighting
-   32 Filling and lighting the cells. The medium goes into sheets across z, two samples per cell edge; deposits and
-   splats both conserve mass. Each light adds E exp(-k t) Y(d) / 4 pi per sample and moment. E is irradiance, t the
-   optical depth to the light, k the cell's extinction scale, d the direction. Cells are solved for the difference from
-   ambient radiance A, with a source of -(1 - w') A. A cloud without absorption thus vanishes exactly before a white
-   sky. Polygons at closed links reflect E color / pi, lit by lights and cells but not by one another. Cost: 27
-   additions, a footprint or a pyramid sample per voxel or sample; as much per light; eight lookups per cell and
-   light. */
+/* ==================================================================================================== >>filling
+   32 The medium in cells. Grids are placed around groups of bricks and particles. The medium goes into sheets across z,
+   two samples per cell edge; deposits and splats both conserve mass. Cost: 27 additions, a footprint or a pyramid
+   sample per voxel or sample. */
 
 typedef struct spsi_cell_sample {
     spsi_v depth, scattered[3], emitted[3];
@@ -21356,35 +21353,30 @@ SPSI_COLD int spsi_groups_join(spsi_groups *groups, double far_apart) {
     return 1;
 }
 
-SPSI_COLD void spsi_groups_add(spsi_groups *groups, const spsi_bounds *box, int *last) {
-    if (*last >= 0 && spsi_bounds_hold(&groups->list[*last], box->low) &&
-        spsi_bounds_hold(&groups->list[*last], box->high))
-        return;
-    for (*last = 0; *last < groups->count; ++*last)
-        if (spsi_groups_apart(&groups->list[*last], box) < SPSI_GROUPS_APART) {
-            spsi_bounds_join(&groups->list[*last], box);
+SPSI_COLD void spsi_groups_add(spsi_groups *groups, const spsi_bounds *box) {
+    for (int i = 0; i < groups->count; ++i)
+        if (spsi_groups_apart(&groups->list[i], box) < SPSI_GROUPS_APART) {
+            spsi_bounds_join(&groups->list[i], box);
             return;
         }
     if (groups->count == SPSI_GROUPS_MOST) spsi_groups_join(groups, HUGE_VAL);
-    *last = groups->count++;
-    groups->list[*last] = *box;
+    groups->list[groups->count++] = *box;
 }
 
 /* Groups bricks and particles. Light between groups, at most 1/36 of the light leaving one side, is ignored. From 2.5
    sides away, a side covers 1/6 of a circle of sky in width and height, and shines by its cosine. */
 SPSI_COLD void spsi_groups_build(const sps_context *context, const spsi_frame *frame, spsi_groups *groups) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    int last = -1;
     groups->count = 0;
     for (int i = 0; i < context->brick_count; ++i) {
         spsi_bounds box;
         spsi_brick_bounds(frame, &bricks[i], &box);
-        spsi_groups_add(groups, &box, &last);
+        spsi_groups_add(groups, &box);
     }
     for (int i = 0; i < frame->content->particle_count; ++i) {
         spsi_bounds box;
         spsi_particle_bounds(&frame->content->particles[i], &box);
-        spsi_groups_add(groups, &box, &last);
+        spsi_groups_add(groups, &box);
     }
     while (spsi_groups_join(groups, groups->count > SPSI_CELL_GRIDS ? HUGE_VAL : SPSI_GROUPS_APART)) continue;
 }
@@ -21421,32 +21413,6 @@ SPSI_COLD void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid)
     }
     if (grid->flux_terms > 0 && grid->peak_count > 0) /* at most; spsi_cells_choose_lights keeps lights with weight */
         grid->light_count = spsi_imin(SPSI_CELL_SETS / grid->peak_count, frame->lights.whole_count);
-}
-
-static void spsi_cone_ray(const spsi_light *light, double versine, double turn, spsi_ray *ray) {
-    const double sine = sqrt(versine * (2 - versine));
-    ray->low = 0;
-    ray->high = HUGE_VAL;
-    memcpy(ray->origin, light->position, sizeof light->position);
-    for (int k = 0; k < 3; ++k)
-        ray->direction[k] = (1 - versine) * light->direction[k] +
-                            sine * (cos(turn) * light->across[0][k] + sin(turn) * light->across[1][k]);
-}
-
-/* Fraction of a light sent as narrow beams, to the medium or to polygons. Beams may be 1/8 of the grid wide, at its far
-   end or the polygon on the axis. With translucent polygons there are none: beams would have to pass them. */
-static double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *light, int to_polygons) {
-    const spsi_cell_grid *grid = job->grid;
-    const double versine = light->cone.none, longest = grid->edge * job->frame->view.scattering_resolution;
-    double to[3];
-    spsi_ray ray;
-    spsi_hit hit;
-    if (!spsi_light_has_beam(light) || job->grid_count > 1 || job->frame->meshes.translucent) return 0;
-    for (int k = 0; k < 3; ++k) to[k] = grid->corner[k] + 0.5 * grid->edge * grid->size[k] - light->position[k];
-    spsi_cone_ray(light, 0, 0, &ray);
-    ray.high = spsi_length(to) + 0.87 * longest;
-    if (to_polygons && job->faces->count > 0) (void)spsi_ray_to_opaque(job->faces, &ray, &hit);
-    return spsi_dmax(0, spsi_dmin(2 - 16 * sqrt(versine * (2 - versine)) / (1 - versine) * ray.high / longest, 1));
 }
 
 SPSI_COLD size_t spsi_cell_job_floats(const spsi_frame *frame, const spsi_cell_grid *grid) {
@@ -21623,7 +21589,37 @@ SPSI_COLD void spsi_cells_mean_scale(const spsi_cell_job *job) {
     }
 }
 
-/* --- light --- */
+/* =================================================================================================== >>lighting
+   33 Light on cells. Each light adds E exp(-k t) Y(d) / 4 pi per sample and moment. E is irradiance, t the optical
+   depth to the light, k the cell's extinction scale, d the direction. Polygons at closed links reflect E color / pi.
+   Narrow beams and small lit patches of polygons become emitters, >>flights. Cost: as much as filling, and eight
+   lookups per cell and light; 26 rays per cell near polygons, 50 at the grid's border. */
+
+static void spsi_cone_ray(const spsi_light *light, double versine, double turn, spsi_ray *ray) {
+    const double sine = sqrt(versine * (2 - versine));
+    ray->low = 0;
+    ray->high = HUGE_VAL;
+    memcpy(ray->origin, light->position, sizeof light->position);
+    for (int k = 0; k < 3; ++k)
+        ray->direction[k] = (1 - versine) * light->direction[k] +
+                            sine * (cos(turn) * light->across[0][k] + sin(turn) * light->across[1][k]);
+}
+
+/* Fraction of a light sent as narrow beams, to the medium or to polygons. Beams may be 1/8 of the grid wide, at its far
+   end or the polygon on the axis. With translucent polygons there are none: beams would have to pass them. */
+static double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *light, int to_polygons) {
+    const spsi_cell_grid *grid = job->grid;
+    const double versine = light->cone.none, longest = grid->edge * job->frame->view.scattering_resolution;
+    double to[3];
+    spsi_ray ray;
+    spsi_hit hit;
+    if (!spsi_light_has_beam(light) || job->grid_count > 1 || job->frame->meshes.translucent) return 0;
+    for (int k = 0; k < 3; ++k) to[k] = grid->corner[k] + 0.5 * grid->edge * grid->size[k] - light->position[k];
+    spsi_cone_ray(light, 0, 0, &ray);
+    ray.high = spsi_length(to) + 0.87 * longest;
+    if (to_polygons && job->faces->count > 0) (void)spsi_ray_to_opaque(job->faces, &ray, &hit);
+    return spsi_dmax(0, spsi_dmin(2 - 16 * sqrt(versine * (2 - versine)) / (1 - versine) * ray.high / longest, 1));
+}
 
 #define SPSI_CELL_TEXELS_MOST 256 /* exceeded only to keep two per cell edge */
 
@@ -22350,7 +22346,10 @@ SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage 
     return context->result;
 }
 
-/* --- equations of a channel --- */
+/* ==================================================================================================== >>solving
+   34 Solving all grids. Cells are solved for the difference from ambient radiance A, with a source of -(1 - w') A. A
+   cloud without absorption thus vanishes exactly before a white sky. Cells and polygons light each other in turn, but
+   polygons not one another. Patches of the grid's sides hold what leaves it. Cost: >>cells; 64 rays per patch. */
 
 /* Least optical depth of emitting cells: their source is emission per depth. */
 #define SPSI_CELL_EMITTING 1e-4f
@@ -23166,7 +23165,9 @@ SPSI_COLD sps_result spsi_cells_build(sps_context *context, const spsi_frame *fr
     return context->result;
 }
 
-/* --- spreading light --- */
+/* ================================================================================================= >>convolving
+   35 Filling and lighting the sheets of >>spreading, a chunk at a time. Sheets are as thick as texels are wide midway.
+   Light that a sheet passes on is stored at every plane. Cost: filling as for cells; one lookup per texel and sheet. */
 
 /* A light's face, >>spreading. */
 typedef struct spsi_spread_job {
@@ -23533,7 +23534,7 @@ SPSI_COLD size_t spsi_spreads_bytes(const spsi_frame *frame) {
 }
 
 /* ================================================================================================ >>sweep
-   33 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which read them. Empty chunks
+   36 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which read them. Empty chunks
    are almost free. Patches whose rays have all ended are not shaded. */
 
 typedef struct spsi_region {
@@ -23630,24 +23631,6 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!run->shader.sweep->back_to_front) region->open[index] = spsi_tile_open(run, x0, y0);
 }
 
-/* Widens a slab range to layers of polygons. */
-static void spsi_layers_range(const spsi_shader *shader, const spsi_pixels *p, int width, float *low, float *high) {
-    spsi_pending ahead;
-    spsi_pending_begin(shader, p, width, -SPSI_INFINITY, &ahead);
-    for (int left = spsi_pending_before(&ahead, SPSI_INFINITY); left;
-         left = spsi_pending_before(&ahead, SPSI_INFINITY)) {
-        float slabs[SPSI_LANES];
-        spsi_store(slabs, ahead.slab);
-        for (int lane = 0; left >> lane; ++lane) {
-            if (!(left >> lane & 1)) continue;
-            *low = slabs[lane] < *low ? slabs[lane] : *low;
-            *high = slabs[lane] > *high ? slabs[lane] : *high;
-            spsi_pending_pass(shader, lane, &ahead);
-        }
-        spsi_pending_measure(shader, p, &ahead);
-    }
-}
-
 /* Also opens the tile's patches. */
 static void spsi_polygon_range_task(void *data, int index) {
     spsi_run *run = (spsi_run *)data;
@@ -23657,7 +23640,6 @@ static void spsi_polygon_range_task(void *data, int index) {
     const int x1 = spsi_imin(run->shader.frame->content->eye.width, left + SPSI_TILE_WIDTH);
     const int y1 = spsi_imin(run->shader.frame->content->eye.height, top + SPSI_TILE_HEIGHT);
     float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
-    const uint32_t *layers = run->shader.visible->layers.first;
     for (int y = top; y < y1 && run->shader.hits; ++y)
         for (int x = left; x < x1; x += SPSI_LANES) {
             float lanes[SPSI_LANES], depths[SPSI_LANES];
@@ -23672,7 +23654,7 @@ static void spsi_polygon_range_task(void *data, int index) {
                     high = lanes[i] > high ? lanes[i] : high;
                     nearest = depths[i] < nearest ? depths[i] : nearest;
                 }
-            if (layers) spsi_layers_range(&run->shader, &p, width, &low, &high);
+            if (spsi_pixels_layered(&run->shader, x, y, width)) low = -SPSI_INFINITY, high = SPSI_INFINITY;
         }
     region->polygon_range[index][0] = low;
     region->polygon_range[index][1] = high;
@@ -23859,7 +23841,7 @@ SPSI_COLD sps_result spsi_run_sweep(spsi_run *run, const spsi_call_stage *part) 
 }
 
 /* =============================================================================================== >>budget
-   34 Choosing settings within a budget, from three ladders of presets: medium, points of area lights, and cells. Time
+   37 Choosing settings within a budget, from three ladders of presets: medium, points of area lights, and cells. Time
    is each stage's work times the rate last measured on that preset, or the nearest, or start values. Finer settings
    never count as faster, except for cached parts and coarse slabs that were splatted. Error is twice the worst of a
    list of scenes, added by squares; tests/budget.c prints both tables (make budget-fit). Cost: aiming lights and
@@ -24337,7 +24319,7 @@ SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
 }
 
 /* ================================================================================================ >>frame
-   35 The frame: sweep after sweep, then the image. */
+   38 The frame: sweep after sweep, then the image. */
 
 /* --- the image --- */
 
@@ -24624,7 +24606,7 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
 }
 
 /* ================================================================================================= >>plan
-   36 A scene's passes, and why each runs or not. Call counts are exact, bytes are upper bounds. Bounds follow from
+   39 A scene's passes, and why each runs or not. Call counts are exact, bytes are upper bounds. Bounds follow from
    range_fn and from numbers of triangles and particles, without reading. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
@@ -25193,7 +25175,7 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
 #ifndef SPLATSHADOW_NO_REFERENCE
 
 /* ============================================================================================ >>reference
-   37 Brute-force reference in double precision. f(p) is summed over all voxels within SPSI_REFERENCE_REACH and marched
+   40 Brute-force reference in double precision. f(p) is summed over all voxels within SPSI_REFERENCE_REACH and marched
    at midpoints of equal steps, with a shadow ray per sample. Triangles and spheres are intersected exactly, through
    trees of boxes. The response of samples (in floats) and surfaces to light and the ray-triangle test (>>polygons) are
    the renderer's. Second order in the step. Rays march in rounds between translucent triangles, so that shade_fn serves
@@ -26096,7 +26078,7 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
 }
 
 /* ============================================================================================= >>bounds
-   38 Strict bounds of single scattering, along the rays of >>reference. On a step of length h, three Gauss points
+   41 Strict bounds of single scattering, along the rays of >>reference. On a step of length h, three Gauss points
    integrate F with an error up to h^7 / 2016000 * |F^(6)|. F is the field times exp(-optical depth from eye and light)
    times falloff, phase function and cone. Nearby voxels' differences bound derivatives of field and optical depth;
    products, exponentials and powers have majorant series. Where the medium is too dense for these, transmittances at a
@@ -26711,7 +26693,7 @@ SPSI_COLD sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marc
 }
 
 /* ================================================================================================ >>paths
-   39 Multiple scattering by random paths from the eye: an unbiased reference, with the field and polygons of
+   42 Multiple scattering by random paths from the eye: an unbiased reference, with the field and polygons of
    >>reference. Volumes are crossed by delta tracking [Woodcock et al. 1965]: tentative collisions lie -ln(u) / bound
    apart and are real with probability extinction / bound, with a bound per brick. Spheres are inverted in closed form.
    At the nearest collision or face, shadow rays to all lights add its scattering, through medium by ratio tracking
@@ -27299,7 +27281,7 @@ SPSI_COLD sps_result spsi_reference_frame(sps_context *context, const spsi_frame
 #endif /* SPLATSHADOW_NO_REFERENCE */
 
 /* =============================================================================================== >>public
-   40 Public functions, which check arguments and call the chapters above, and callbacks for grids and meshes. */
+   43 Public functions, which check arguments and call the chapters above, and callbacks for grids and meshes. */
 
 #ifdef __GNUC__ /* a static SPS_API may leave functions unused */
 #pragma GCC diagnostic push

@@ -17786,29 +17786,24 @@ static uint64_t spsi_cell_patches_about(uint64_t patches) {
     return row | row << SPSI_CELL_PATCHES | row >> SPSI_CELL_PATCHES;
 }
 
-/* Visible fractions: one ray per patch, four at shadow edges. Returns 1 if any is occluded. */
-static int spsi_cell_visibility_side(const spsi_cell_visibility *visibility, int side, float *open) {
-    const uint64_t hidden = spsi_cell_visibility_trace(visibility, side, ~(uint64_t)0, 0), seen = ~hidden;
-    const uint64_t edge = (spsi_cell_patches_about(hidden) & seen) | (spsi_cell_patches_about(seen) & hidden);
-    for (int n = 0; n < SPSI_CELL_SIDE && hidden; ++n)
-        if (hidden >> n & 1) open[n] = edge >> n & 1 ? 0.75f : 0;
-    for (int number = 1; number < 4 && edge; ++number) {
-        const uint64_t more = spsi_cell_visibility_trace(visibility, side, edge, number);
-        for (int n = 0; n < SPSI_CELL_SIDE; ++n)
-            if (more >> n & 1) open[n] -= 0.25f;
-    }
-    return hidden != 0;
-}
-
-/* Returns 0 if all patches are visible. All surfaces use the same rays: shadows have fine steps, not noise. */
+/* Visible fractions: one ray per patch, four at shadow edges. Returns 0 if all patches are visible. All surfaces use
+   the same rays: shadows have fine steps, not noise. */
 static int spsi_cells_visibility(const spsi_cell_visibility *visibility, float open[SPSI_CELL_SHEET]) {
     const int near_sides = spsi_cell_visibility_near(visibility);
-    int hidden = 0;
-    if (!near_sides) return 0;
-    for (int n = 0; n < SPSI_CELL_SHEET; ++n) open[n] = 1;
-    for (int side = 0; side < 6; ++side)
-        if (near_sides >> side & 1) hidden |= spsi_cell_visibility_side(visibility, side, open + side * SPSI_CELL_SIDE);
-    return hidden;
+    int some = 0;
+    for (int n = 0; n < SPSI_CELL_SHEET && near_sides; ++n) open[n] = 1;
+    for (int side = 0; side < 6; ++side, open += SPSI_CELL_SIDE) {
+        if (!(near_sides >> side & 1)) continue;
+        const uint64_t hidden = spsi_cell_visibility_trace(visibility, side, ~(uint64_t)0, 0), seen = ~hidden;
+        const uint64_t edge = (spsi_cell_patches_about(hidden) & seen) | (spsi_cell_patches_about(seen) & hidden);
+        for (int number = 0; number < 4 && hidden; ++number) {
+            const uint64_t more = number ? spsi_cell_visibility_trace(visibility, side, edge, number) : hidden;
+            for (int n = 0; n < SPSI_CELL_SIDE; ++n)
+                if (more >> n & 1) open[n] -= edge >> n & 1 ? 0.25f : 1;
+        }
+        some |= hidden != 0;
+    }
+    return some;
 }
 
 typedef struct spsi_cell_sender {
@@ -21813,18 +21808,18 @@ static void spsi_cell_view_move(spsi_cell_view *view, int x, int y, int z) {
     spsi_cell_centre(view->grid, x, y, z, view->centre);
 }
 
-/* True if a link within the grid hits a polygon. */
-static int spsi_cell_view_link(const spsi_cell_view *view, int link, spsi_ray *ray, spsi_hit *hit) {
-    const int step[3] = {link % 3 - 1, link / 3 % 3 - 1, link / 9 - 1};
+/* Begins a ray against a step. Returns 1 if that stays within the grid. */
+static int spsi_cell_view_ray(const spsi_cell_view *view, const int step[3], spsi_ray *ray) {
+    int within = 1;
     memcpy(ray->origin, view->centre, sizeof ray->origin);
     for (int k = 0; k < 3; ++k) {
         const int next = view->at[k] - step[k];
         ray->direction[k] = -step[k] * view->grid->edge;
-        if (next < 0 || next >= view->grid->size[k]) return 0;
+        within &= next >= 0 && next < view->grid->size[k];
     }
     ray->low = 0;
     ray->high = 1;
-    return link != 13 && spsi_ray_to_opaque(view->faces, ray, hit);
+    return within;
 }
 
 /* True if light entering the grid here comes from a polygon. Each cell jitters its ray within the direction's solid
@@ -21832,20 +21827,13 @@ static int spsi_cell_view_link(const spsi_cell_view *view, int link, spsi_ray *r
 static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_direction *direction, int number,
                                   spsi_ray *ray, spsi_hit *hit) {
     const double count = number + 1 + 50.0 * view->at[0] + 50.0 * 509 * view->at[1] + 50.0 * 509 * 521 * view->at[2];
-    int enters = 0;
-    for (int k = 0; k < 3; ++k) {
-        const int next = view->at[k] - direction->step[k];
-        enters |= next < 0 || next >= view->grid->size[k];
-    }
-    if (!enters) return 0;
+    if (spsi_cell_view_ray(view, direction->step, ray)) return 0;
     double turn = 2 * SPSI_PI * (count * 0.7548776662466927 - floor(count * 0.7548776662466927));
     double off = 2 * sqrt((double)direction->weight * (count * 0.5698402909980532 - floor(count * 0.5698402909980532)));
-    memcpy(ray->origin, view->centre, sizeof ray->origin);
     for (int k = 0; k < 3; ++k) {
         const double aside = cos(turn) * direction->across[0][k] + sin(turn) * direction->across[1][k];
         ray->direction[k] = view->grid->edge * (direction->back[k] + off * aside);
     }
-    ray->low = 0;
     ray->high = HUGE_VAL;
     return spsi_ray_to_opaque(view->faces, ray, hit);
 }
@@ -21881,15 +21869,6 @@ static void spsi_cell_hits_add(const spsi_cell_view *view, const spsi_ray *ray, 
     hits->weight[hits->count++] = 1 / (1 + ray->high * ray->high);
 }
 
-static void spsi_cell_hits_points(const spsi_cell_hits *hits, int first, int end, spsi_points *points) {
-    points->lanes = 0;
-    for (int n = 0; n < SPSI_LANES; ++n) {
-        const double *point = hits->surface[first + n < end ? first + n : first].point;
-        points->lanes |= (first + n < end) << n;
-        for (int i = 0; i < 3; ++i) points->at[i][n] = point[i];
-    }
-}
-
 static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_light *light, double fraction,
                                  const spsi_shadow *shadow, int first, spsi_cell_hits *hits) {
     const spsi_light *point = &light->points[first / SPSI_PACKET % light->point_count];
@@ -21909,7 +21888,11 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_light *lig
     if (shadow) spsi_packet_trace(job->faces, &packet);
     for (int i = first; i < end && shadow; i += SPSI_LANES) {
         spsi_points points;
-        spsi_cell_hits_points(hits, i, end, &points);
+        points.lanes = 0;
+        for (int n = 0; n < SPSI_LANES; ++n) {
+            points.lanes |= (i + n < end) << n;
+            for (int k = 0; k < 3; ++k) points.at[k][n] = hits->surface[i + n < end ? i + n : i].point[k];
+        }
         spsi_shadow_surfaces(shadow, 0, &points, depths + (i - first));
     }
     for (int i = first; i < end; ++i) {
@@ -21984,7 +21967,9 @@ static void spsi_cell_wall_find(const spsi_cell_job *job, const spsi_cell_view *
     hits->count = 0;
     for (int k = 0; k < 3; ++k) last |= view->at[k] == 0 || view->at[k] == size[k] - 1;
     for (int link = 0; link < 27 && near_by; ++link) {
-        if (!spsi_cell_view_link(view, link, &ray, &hit)) continue;
+        const int step[3] = {link % 3 - 1, link / 3 % 3 - 1, link / 9 - 1};
+        const int within = link != 13 && spsi_cell_view_ray(view, step, &ray); /* 13: the cell itself */
+        if (!within || !spsi_ray_to_opaque(view->faces, &ray, &hit)) continue;
         wall->closed |= 1u << link;
         spsi_cell_hits_add(view, &ray, &hit, hits);
     }

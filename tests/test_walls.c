@@ -205,7 +205,7 @@ static void test_rays(void) {
                 leaves |= next < 0 || next >= CELLS;
             }
             ray.high = 0;
-            wrong += spsi_cell_view_outside(&view, &directions[i], i, &ray, &hit) || (ray.high > 0) != leaves;
+            wrong += spsi_cell_view_outside(&view, &directions[i], i, &ray, &hit) || (ray.high > 1) != leaves;
             if (!leaves) continue;
             for (int k = 0; k < 3; ++k) ray.direction[k] /= grid.edge, mean[k] += ray.direction[k];
             vec_along(ray.direction, way, -1, off);

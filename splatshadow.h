@@ -3944,7 +3944,6 @@ typedef struct spsi_cell_grid {
     float *seen;    /* per material and channel: radiance per scattering depth */
     int flux_terms; /* degree 0 to 2; 0: no polygons */
     float *flux;    /* per channel and term: sent to polygons */
-    int across;     /* patches along a side */
     float *patches; /* position, area, exitance per channel */
     float *thick;   /* per channel: mean depth per edge */
     float *scale;   /* per channel: mean extinction scale without peak */
@@ -17603,15 +17602,15 @@ static float *spsi_cell_patches_sent(const spsi_cell_grid *grid, int channel) {
 }
 
 /* Patches at rims, where light changes most, are half as wide. */
-static double spsi_cell_patch_begin(const spsi_cell_grid *grid, int patch) {
-    const double at = (double)patch / grid->across;
+static double spsi_cell_patch_begin(int patch) {
+    const double at = (double)patch / SPSI_CELL_PATCHES;
     return 0.5 * at * (1 + at * (3 - 2 * at));
 }
 
-static int spsi_cell_patch_side(const spsi_cell_grid *grid, int patch) { return patch / (grid->across * grid->across); }
+static int spsi_cell_patch_side(int patch) { return patch / SPSI_CELL_SIDE; }
 
 static void spsi_cell_patch_set(const spsi_cell_grid *grid, int patch, int i, double begin, double end) {
-    const int axis = spsi_cell_patch_side(grid, patch) / 2, along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
+    const int axis = spsi_cell_patch_side(patch) / 2, along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
     float *own = grid->patches + patch;
     own[along[i] * SPSI_CELL_SHEET] = (float)(0.5 * (begin + end));
     own[(4 + i) * SPSI_CELL_SHEET] = (float)(end - begin);
@@ -17904,7 +17903,7 @@ typedef struct spsi_cell_receiver {
 /* Returns the visible fraction. */
 static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
                                             const spsi_cell_receiver *to, double irradiance[3]) {
-    const int most = grid->across * grid->across / (grid->light_count > 0 ? 4 : 8); /* maximum parts per edge */
+    const int most = SPSI_CELL_SIDE / (grid->light_count > 0 ? 4 : 8); /* maximum parts per edge */
     const spsi_v zero = spsi_set(0);
     spsi_v all[3] = {zero, zero, zero}, whole = zero;
     double seen = 0, sum;
@@ -17913,9 +17912,9 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
     spsi_set3(to->normal, from.normal);
     for (int k = 0; k < 3; ++k) from.extent[k] = grid->edge * grid->size[k];
     for (int c = 0; c < count; ++c) from.thick[c] = grid->thick[channel + c] / (float)grid->edge;
-    for (int n = 0; n < 6 * grid->across * grid->across; n += SPSI_LANES) {
+    for (int n = 0; n < SPSI_CELL_SHEET; n += SPSI_LANES) {
         const float *patch = grid->patches + n;
-        const int side = spsi_cell_patch_side(grid, n), axis = from.axis = side / 2;
+        const int side = spsi_cell_patch_side(n), axis = from.axis = side / 2;
         const double end = side % 2 ? from.extent[axis] : 0, outward = side % 2 ? 1 : -1;
         spsi_v area = spsi_load(patch + 3 * SPSI_CELL_SHEET), middle[3], some[3] = {zero, zero, zero};
         double at[3], square = 0, nearest = 0, beyond;
@@ -17926,7 +17925,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
         from.along[0] = axis == 0 ? 1 : 0, from.along[1] = axis == 2 ? 1 : 2;
         for (int k = 0; k < 2; ++k) { /* distance along the side */
             const float *own = patch + from.along[k] * SPSI_CELL_SHEET, *width = patch + (4 + k) * SPSI_CELL_SHEET;
-            const int last = k ? SPSI_LANES - 1 : spsi_imin(SPSI_LANES, grid->across) - 1;
+            const int last = k ? SPSI_LANES - 1 : spsi_imin(SPSI_LANES, SPSI_CELL_PATCHES) - 1;
             const double begin = (double)(own[0] - 0.5f * width[0]) - at[from.along[k]];
             const double off = spsi_dmax(begin, at[from.along[k]] - (double)(own[last] + 0.5f * width[last]));
             square += off > 0 ? off * off : 0;
@@ -17937,7 +17936,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
         at[axis] = end + outward * spsi_dmax(beyond, nearest);
         square += (at[axis] - end) * (at[axis] - end);
         for (int k = 0; k < 2; ++k)
-            parts[k] = (int)spsi_dmin(ceil(0.0625 * grid->across * from.extent[from.along[k]] / sqrt(square)), most);
+            parts[k] = (int)spsi_dmin(ceil(0.0625 * SPSI_CELL_PATCHES * from.extent[from.along[k]] / sqrt(square)), most);
         spsi_set3(at, from.at);
         for (int k = 0; k < 3; ++k) middle[k] = spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET), from.at[k]);
         area = spsi_mul(area, spsi_set(1 / (float)(parts[0] * parts[1])));
@@ -21307,8 +21306,6 @@ typedef struct spsi_cell_job {
     spsi_sweep sweep;
     spsi_cell_solver *solver;
     int channel;  /* being solved */
-    spsi_cell_grid coarse;        /* half the patches across, to light polygons while solving */
-    const spsi_cell_grid *leaves; /* grid whose patches are being filled */
     uint64_t gas; /* fingerprint of the medium */
 } spsi_cell_job;
 
@@ -21395,7 +21392,6 @@ SPSI_COLD void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid)
     grid->count = spsi_cell_stride((size_t)grid->pitch * (size_t)spsi_imax(2, grid->size[1] * grid->size[2]));
     grid->orders = frame->meshes.count > 0 ? spsi_imax(2, frame->matter.orders) : frame->matter.orders;
     grid->terms = grid->orders * grid->orders;
-    grid->across = SPSI_CELL_PATCHES;
     grid->flux_terms = frame->meshes.count > 0 ? spsi_imin(9, grid->terms) : 0;
     grid->channels = frame->channels;
     for (int m = 0; m < frame->matter.material_count; ++m) {
@@ -22012,7 +22008,7 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c, int lit) {
         if (lit && spsi_cell_wall_mean(grid, wall, point, normal)) {
             const spsi_cell_receiver to = {point, normal, NULL};
             double irradiance[3] = {0, 0, 0};
-            spsi_cells_irradiance(&job->coarse, c, 1, &to, irradiance);
+            spsi_cells_irradiance(grid, c, 1, &to, irradiance);
             sent += color / SPSI_PI * irradiance[0];
         }
         changed += fabs(sent - (lit ? (double)wall->sent : 0));
@@ -22582,7 +22578,7 @@ static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v fro
 
 /* Trims a patch whose outermost cells polygons cut off from the side's middle. */
 static void spsi_cell_patch_trim(const spsi_cell_wall *walls, const spsi_cell_grid *grid, int patch) {
-    const int side = spsi_cell_patch_side(grid, patch), axis = side / 2;
+    const int side = spsi_cell_patch_side(patch), axis = side / 2;
     const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
     const float *own = grid->patches + patch;
     double end[2][2];
@@ -22612,15 +22608,16 @@ static void spsi_cell_patch_trim(const spsi_cell_wall *walls, const spsi_cell_gr
     }
 }
 
-static void spsi_cells_place_patches(const spsi_cell_job *job, const spsi_cell_grid *grid) {
-    for (int n = 0; n < 6 * grid->across * grid->across; ++n) {
-        const int side = spsi_cell_patch_side(grid, n), axis = side / 2;
-        const int at[2] = {n % grid->across, n / grid->across % grid->across};
+static void spsi_cells_place_patches(const spsi_cell_job *job) {
+    const spsi_cell_grid *grid = job->grid;
+    for (int n = 0; n < SPSI_CELL_SHEET; ++n) {
+        const int side = spsi_cell_patch_side(n), axis = side / 2;
+        const int at[2] = {n % SPSI_CELL_PATCHES, n / SPSI_CELL_PATCHES % SPSI_CELL_PATCHES};
         grid->patches[axis * SPSI_CELL_SHEET + n] = side % 2 ? (float)(grid->edge * grid->size[axis]) : 0;
         for (int i = 0; i < 2; ++i) {
             const double extent = grid->edge * grid->size[i == 0 ? axis == 0 : axis == 2 ? 1 : 2];
-            spsi_cell_patch_set(grid, n, i, extent * spsi_cell_patch_begin(grid, at[i]),
-                                extent * spsi_cell_patch_begin(grid, at[i] + 1));
+            spsi_cell_patch_set(grid, n, i, extent * spsi_cell_patch_begin(at[i]),
+                                extent * spsi_cell_patch_begin(at[i] + 1));
         }
         if (job->solver->walled) spsi_cell_patch_trim(job->walls, grid, n);
     }
@@ -22631,9 +22628,9 @@ static void spsi_cells_place_patches(const spsi_cell_job *job, const spsi_cell_g
    count as 0, as on surfaces. */
 static void spsi_cell_patches_task(void *data, int patch) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
-    const spsi_cell_grid *grid = job->leaves;
+    const spsi_cell_grid *grid = job->grid;
     const spsi_cell_rays *rays = &job->solver->rays;
-    const int side = spsi_cell_patch_side(grid, patch), axis = side / 2, upper = side % 2;
+    const int side = spsi_cell_patch_side(patch), axis = side / 2, upper = side % 2;
     const double extent[3] = {(double)grid->size[0], (double)grid->size[1], (double)grid->size[2]}; /* cells */
     const int set = grid->channels * (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET;
     float *sent = spsi_cell_patches_sent(grid, job->channel) + patch;
@@ -22695,11 +22692,11 @@ static void spsi_cells_single_task(void *data, int row) {
 }
 
 /* Without polygons inside, patches are scaled to the cells' net emission. */
-SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_cell_grid *leaves) {
+SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel) {
     spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
-    float *sent = spsi_cell_patches_sent(leaves, channel), *all = level->sent;
+    float *sent = spsi_cell_patches_sent(grid, channel), *all = level->sent;
     double depth = 0, out = 0, found = 0, apart = 0;
     for (size_t at = 0; at < grid->count; ++at) {
         depth += (double)level->depth[at];
@@ -22707,19 +22704,18 @@ SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_
     }
     job->grid->thick[channel] = (float)(depth / ((double)grid->size[0] * grid->size[1] * grid->size[2]));
     memcpy(grid->flux + (size_t)channel * floats, level->moments[0], floats * sizeof(float));
-    job->leaves = leaves;
     if (job->solver->set_count > 0) {
         memcpy(level->moments[1], all, (size_t)grid->terms * grid->count * sizeof(float));
         spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_single_task, job);
         level->sent = level->moments[1];
     }
-    spsi_parallel_items(job->context, 6 * leaves->across * leaves->across, spsi_cell_patches_task, job);
+    spsi_parallel_items(job->context, SPSI_CELL_SHEET, spsi_cell_patches_task, job);
     level->sent = all;
     for (int n = 0; n < SPSI_CELL_SHEET; ++n) {
-        const float area = leaves->patches[3 * SPSI_CELL_SHEET + n];
+        const float area = grid->patches[3 * SPSI_CELL_SHEET + n];
         found += (double)(area * sent[n]);
         for (int i = 1; i <= job->solver->set_count; ++i)
-            apart += (double)(area * spsi_cell_patches_sent(leaves, channel + i * grid->channels)[n]);
+            apart += (double)(area * spsi_cell_patches_sent(grid, channel + i * grid->channels)[n]);
     }
     out *= job->solver->walled || !(fabs(found + apart) > 0) ? 0 : grid->edge * grid->edge / (found + apart);
     /* absorption may cancel emission; lobes' light leaves in other directions, and is not scaled */
@@ -22728,11 +22724,11 @@ SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel, const spsi_
 }
 
 /* Light of cells alone: polygons do not light one another. */
-SPSI_COLD void spsi_cells_light_polygons(spsi_cell_job *job, const spsi_cell_grid *leaves) {
+SPSI_COLD void spsi_cells_light_polygons(spsi_cell_job *job) {
     spsi_cell_level *level = &job->solver->levels[0];
     level->walls = NULL;
     spsi_cells_sweep(level);
-    spsi_cells_take_flux(job, job->channel, leaves);
+    spsi_cells_take_flux(job, job->channel);
     level->walls = job->walls;
 }
 
@@ -22756,10 +22752,10 @@ SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cal
         each.progress += each.share;
         if (!job->walls || change * change < SPSI_CELL_CHANGE * last) break; /* the next change shrinks by as much */
         last = change;
-        spsi_cells_light_polygons(job, &job->coarse);
+        spsi_cells_light_polygons(job);
     }
     if (grid->pyramid) spsi_cells_sweep_rest(job, job->channel, light);
-    if (job->walls) spsi_cells_light_polygons(job, grid);
+    if (job->walls) spsi_cells_light_polygons(job);
     return SPS_OK;
 }
 
@@ -22774,11 +22770,7 @@ SPSI_COLD sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_call_st
     solver.set_count = grid->light_count * grid->peak_count;
     if (job->walls) {
         for (size_t at = 0; at < grid->count; ++at) solver.walled |= job->walls[at].closed != 0;
-        job->coarse = *grid;
-        job->coarse.across /= 2;
-        job->coarse.patches += spsi_cell_patch_floats(grid);
-        spsi_cells_place_patches(job, grid);
-        spsi_cells_place_patches(job, &job->coarse);
+        spsi_cells_place_patches(job);
     }
     each.share /= grid->channels;
     for (job->channel = 0; job->channel < grid->channels; ++job->channel, each.progress += each.share)
@@ -22799,7 +22791,7 @@ static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *gr
     grid->scale = spsi_lay(memory, &laid, 3);
     grid->thick = spsi_lay(memory, &laid, 3);
     grid->flux = spsi_lay(memory, &laid, each * (size_t)grid->flux_terms);
-    grid->patches = spsi_lay(memory, &laid, grid->flux_terms > 0 ? 2 * spsi_cell_patch_floats(grid) : 0);
+    grid->patches = spsi_lay(memory, &laid, grid->flux_terms > 0 ? spsi_cell_patch_floats(grid) : 0);
     grid->flown = flies_to_cells ? spsi_lay(memory, &laid, moments) : NULL;
     grid->trapped = flies_to_cells ? spsi_lay(memory, &laid, 2 * each) : NULL;
     grid->pyramid_rows = 0;

@@ -165,14 +165,14 @@ static void test_trimmed(void) {
         for (int side = 0; side < 6; side += side == 1 ? 3 : 1) { /* across x and across z */
             const int along = side < 2 ? 4 : 5; /* the extent of a patch along y: its first axis, or the second */
             int crossing = 0, ending = 0;
-            for (int i = 0; i < 6 * grid->across * grid->across; ++i) {
+            for (int i = 0; i < SPSI_CELL_SHEET; ++i) {
                 const double middle = (double)grid->patches[SPSI_CELL_SHEET + i] / grid->edge;
                 const double half = 0.5 * (double)grid->patches[along * SPSI_CELL_SHEET + i] / grid->edge;
-                if (spsi_cell_patch_side(grid, i) != side) continue;
+                if (spsi_cell_patch_side(i) != side) continue;
                 crossing += middle - half < cut - 1e-4 && middle + half > cut + 1e-4;
                 ending += fabs((cut < 0.5 * grid->size[1] ? middle - half : middle + half) - cut) < 1e-4;
             }
-            CHECK(crossing == 0 && ending == grid->across);
+            CHECK(crossing == 0 && ending == SPSI_CELL_PATCHES);
         }
     }
 }
@@ -320,14 +320,15 @@ static void test_outside(void) {
     double worst[2] = {0, 0};
     memset(&grid, 0, sizeof grid);
     grid.size[0] = 16, grid.size[1] = 12, grid.size[2] = 5;
-    grid.edge = 0.15, grid.channels = 1, grid.across = SPSI_CELL_PATCHES, grid.patches = patches, grid.flux = flux;
+    grid.edge = 0.15, grid.channels = 1, grid.patches = patches, grid.flux = flux;
     grid.thick = &thick; /* the shape of the grid does not show in what leaves */
     for (int k = 0; k < 3; ++k) grid.corner[k] = -0.5 * grid.edge * grid.size[k];
     static spsi_cell_solver solver; /* whose links are open */
     spsi_cell_job job;
     memset(&job, 0, sizeof job);
     job.solver = &solver;
-    spsi_cells_place_patches(&job, &grid);
+    job.grid = &grid;
+    spsi_cells_place_patches(&job);
     for (int i = 0; i < 2 * SPSI_CELL_SHEET; ++i) patches[SPSI_CELL_PLACES * SPSI_CELL_SHEET + i] = 1; /* flux; even */
     for (int n = 0; n < 5 * 4; ++n) {
         const double *place = places[n / 4], *normal = normals[n % 4];
@@ -507,8 +508,8 @@ static double roofed(const spsi_cell_grid *grid, const double point[3], double y
             for (int i = 0; i < POINTS * POINTS && sent > 0; ++i) {
                 const double part[2] = {(i % POINTS + 0.5) / POINTS, (i / POINTS + 0.5) / POINTS};
                 for (int k = 0; k < 2; ++k) {
-                    const double begin = spsi_cell_patch_begin(grid, at[k]),
-                                 end = spsi_cell_patch_begin(grid, at[k] + 1);
+                    const double begin = spsi_cell_patch_begin(at[k]),
+                                 end = spsi_cell_patch_begin(at[k] + 1);
                     to[along[k]] =
                         grid->corner[along[k]] + grid->edge * grid->size[along[k]] * (begin + part[k] * (end - begin));
                 }

@@ -1196,15 +1196,6 @@ static inline spsi_v spsi_four_rows(const float *table, const int *at) {
 static inline spsi_m spsi_first(int count) { return (spsi_m)(count < 16 ? (1u << count) - 1 : 0xffffu); }
 static inline spsi_v spsi_load_first(const float *p, int count) { return _mm512_maskz_loadu_ps(spsi_first(count), p); }
 static inline void spsi_store_first(float *p, spsi_v a, int count) { _mm512_mask_storeu_ps(p, spsi_first(count), a); }
-static inline spsi_v spsi_halves(spsi_v a, spsi_v b) { return _mm512_shuffle_f32x4(a, b, 0x44); }
-static inline spsi_v spsi_load_halves(const float *a, const float *b) {
-    return spsi_halves(_mm512_castps256_ps512(_mm256_loadu_ps(a)), _mm512_castps256_ps512(_mm256_loadu_ps(b)));
-}
-static inline void spsi_store_halves(float *a, float *b, spsi_v v) {
-    _mm256_storeu_ps(a, _mm512_castps512_ps256(v));
-    _mm256_storeu_ps(b, _mm512_castps512_ps256(_mm512_shuffle_f32x4(v, v, 0xee)));
-}
-#define SPSI_HAS_HALVES
 #define SPSI_HAS_FIRST
 #define SPSI_HAS_GATHER
 
@@ -1378,17 +1369,6 @@ static double spsi_total(spsi_v a) {
     for (int i = 0; i < SPSI_LANES; ++i) sum += (double)lanes[i];
     return sum;
 }
-
-/* Narrow footprints leave most of a row empty, so the widest vectors take two half rows. spsi_halves joins the lower
-   halves of a and b. */
-#ifdef SPSI_HAS_HALVES
-#define SPSI_ROWS_MOST 2
-#else
-#define SPSI_ROWS_MOST 1
-static inline spsi_v spsi_halves(spsi_v a, spsi_v b) { return (void)b, a; }
-static inline spsi_v spsi_load_halves(const float *a, const float *b) { return (void)b, spsi_load(a); }
-static inline void spsi_store_halves(float *a, float *b, spsi_v v) { (void)b, spsi_store(a, v); }
-#endif
 
 #if defined(SPSI_SIMD_SSE2) || SPSI_LANES == 1
 /* Valid for |a| < 2^30. */
@@ -9819,7 +9799,6 @@ typedef enum spsi_mass { SPSI_MASS_KERNEL, SPSI_MASS_CHORD, SPSI_MASS_SOFT_CHORD
 typedef struct spsi_sections {
     float *sheet;
     size_t sheet_size; /* floats per sheet */
-    size_t pitch;      /* floats per row, for two rows */
     int count;
     int starts; /* 1: also add the mass in front */
     int ends;   /* 1: also add the mass behind */
@@ -9852,30 +9831,6 @@ static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int
     spsi_store(sheet, spsi_fma(s->weight, spsi_sub(after, before), spsi_load(sheet)));
 }
 
-/* Kernel fraction before planes at v; all mass lies in low..high. */
-static inline spsi_v spsi_kernel_fraction_within(spsi_v v, spsi_v low, spsi_v high) {
-    const spsi_v from = spsi_select(spsi_less(v, low), spsi_set(-1), v);
-    return spsi_kernel_fraction(spsi_select(spsi_less(high, v), spsi_set(1), from));
-}
-
-static inline void spsi_add_pair(const spsi_sections *s, float *sheet, spsi_v share) {
-    float *next = sheet + s->pitch;
-    spsi_store_halves(sheet, next, spsi_fma(s->weight, share, spsi_load_halves(sheet, next)));
-}
-
-/* spsi_add_sections for two rows, which may end at different planes. */
-static inline void spsi_add_pairs(const spsi_sections *s) {
-    float *sheet = s->sheet;
-    spsi_v v = s->v, after, before = s->starts ? spsi_set(0) : spsi_kernel_fraction_within(v, s->low, s->high);
-    for (int k = 0; k < s->count - s->ends; ++k, sheet += s->sheet_size) {
-        v = spsi_add(v, s->per_plane);
-        after = spsi_kernel_fraction_within(v, s->low, s->high);
-        spsi_add_pair(s, sheet, spsi_sub(after, before));
-        before = after;
-    }
-    if (s->ends) spsi_add_pair(s, sheet, spsi_sub(spsi_set(1), before));
-}
-
 typedef struct spsi_rows {
     int x0[SPSI_LANES], x1[SPSI_LANES];        /* inclusive, within the tile */
     int first[SPSI_LANES];                     /* first plane in the tile */
@@ -9886,7 +9841,6 @@ typedef struct spsi_rows {
     float dy[SPSI_LANES];                      /* y from the centre */
     float factor[SPSI_LANES];                  /* weight factor of y alone */
     float v[SPSI_LANES];                       /* first plane's, at the kernel's own x */
-    float low[SPSI_LANES], high[SPSI_LANES];   /* v half a slab within the kernel's ends; infinite if clamped */
 } spsi_rows;
 
 static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints *f, int i, int y, float cut,
@@ -9915,10 +9869,6 @@ static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints 
     spsi_store(rows->dy, dy);
     spsi_store(rows->factor, spsi_exp(spsi_mul(square, spsi_set(f->inverse_yy[i]))));
     spsi_store(rows->v, spsi_fma(per_slab, first, v));
-    spsi_store(rows->low, spsi_select(spsi_less(low, zero), spsi_set(-SPSI_INFINITY),
-                                      spsi_fma(per_slab, spsi_add(first, spsi_set(0.5f)), v)));
-    spsi_store(rows->high, spsi_select(spsi_less(count, high), spsi_set(SPSI_INFINITY),
-                                       spsi_fma(per_slab, spsi_sub(high, spsi_set(0.5f)), v)));
     spsi_store(rows->left, spsi_sub(x0, spsi_set(0.5f)));
     spsi_store(rows->right, spsi_add(x1, spsi_set(0.5f)));
     spsi_store_int(rows->x0, x0);
@@ -10000,61 +9950,6 @@ static inline void spsi_splat_columns(const spsi_footprint *print, const spsi_ro
     }
 }
 
-static inline spsi_v spsi_pair(const float *rows, int r) {
-    return spsi_halves(spsi_set(rows[r]), spsi_set(rows[r + 1]));
-}
-
-/* `bits`: rows that reach any sheet. */
-static inline void spsi_pair_sections(const spsi_rows *rows, int r, int bits, float per_slab, float *row,
-                                      spsi_sections *sections) {
-    const int i = bits == 2 ? r + 1 : r, j = bits == 1 ? r : r + 1, first = spsi_imin(rows->first[i], rows->first[j]);
-    sections->sheet = row + (size_t)first * sections->sheet_size;
-    sections->count = spsi_imax(rows->first[i] + rows->slabs[i], rows->first[j] + rows->slabs[j]) - first;
-    sections->starts = rows->starts[i] & rows->starts[j];
-    sections->ends = rows->ends[i] & rows->ends[j];
-    sections->v = spsi_halves(spsi_set(rows->v[i] - per_slab * (float)(rows->first[i] - first)),
-                              spsi_set(rows->v[j] - per_slab * (float)(rows->first[j] - first)));
-}
-
-/* Narrow footprints: half a vector of columns, two rows at a time, not clamped. */
-static inline void spsi_splat_pairs(const spsi_footprint *print, const spsi_rows *rows, int count, int x, int y) {
-    const spsi_tile *tile = print->tile;
-    const spsi_footprints *f = print->footprints;
-    const int i = print->lane;
-    const float a = -0.5f * f->across[i], b = f->across[i] * f->lean[i], c = f->inverse_yy[i];
-    const int slender = spsi_is_slender(a, b, c);
-    const spsi_v at = spsi_add(spsi_set((float)x), spsi_halves(spsi_iota(), spsi_iota()));
-    const spsi_v dx = spsi_sub(at, spsi_set(f->x[i]));
-    const spsi_v square = spsi_mul(spsi_mul(dx, dx), spsi_set(a)), amplitude = spsi_set(f->amplitude[i]);
-    const spsi_v v_column = spsi_mul(dx, spsi_set(f->slope_x[i])), along = spsi_mul(dx, spsi_set(b));
-    const spsi_v turn = b < 0 || b > 0 ? spsi_exp(spsi_add(along, along)) : spsi_set(1);
-    float *row = print->channel + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
-    spsi_v column = spsi_mul(spsi_exp(spsi_fma(along, spsi_pair(rows->dy, 0), square)), amplitude);
-    spsi_sections sections;
-    sections.sheet_size = tile->sheet_size;
-    sections.pitch = (size_t)tile->pitch;
-    sections.per_plane = spsi_set(f->per_slab[i]);
-    for (int r = 0; r < count; r += 2, row += 2 * tile->pitch) {
-        const int bits = (rows->slabs[r] > 0) + 2 * (r + 1 < count && rows->slabs[r + 1] > 0);
-        const spsi_v held = spsi_halves(spsi_set((float)(bits & 1)), spsi_set((float)(bits & 2)));
-        const spsi_m within =
-            spsi_and(spsi_less(spsi_pair(rows->left, r), at), spsi_less(at, spsi_pair(rows->right, r)));
-        spsi_v weight = spsi_mul(column, spsi_pair(rows->factor, r));
-        column = spsi_mul(column, turn);
-        if (!bits) continue;
-        if (slender) {
-            const spsi_v dy = spsi_pair(rows->dy, r), down = spsi_mul(spsi_mul(dy, dy), spsi_set(c));
-            weight = spsi_mul(amplitude, spsi_exp(spsi_fma(along, dy, spsi_add(square, down))));
-        }
-        spsi_pair_sections(rows, r, bits, f->per_slab[i], row, &sections);
-        sections.weight = spsi_select(spsi_and(spsi_less(spsi_set(0), held), within), weight, spsi_set(0));
-        sections.v = spsi_add(v_column, sections.v);
-        sections.low = spsi_add(v_column, spsi_pair(rows->low, r));
-        sections.high = spsi_add(v_column, spsi_pair(rows->high, r));
-        spsi_add_pairs(&sections);
-    }
-}
-
 static void spsi_splat_footprint(const spsi_footprint *print) {
     spsi_tile *tile = print->tile;
     const spsi_splatter *s = print->splatter;
@@ -10069,7 +9964,6 @@ static void spsi_splat_footprint(const spsi_footprint *print) {
     const int clamped =
         tile->clamped && !s->whole &&
         (f->depth[i] + s->reach_depth > tile->nearest_limit || f->depth[i] - s->reach_depth < s->eye_near);
-    const int narrow = SPSI_ROWS_MOST > 1 && !clamped && x1 - x0 < SPSI_LANES / 2;
     if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
     tile->visits += 1;
     for (int y = y0; y <= y1; y += SPSI_LANES) {
@@ -10077,10 +9971,6 @@ static void spsi_splat_footprint(const spsi_footprint *print) {
         spsi_rows rows;
         spsi_rows_build(tile, f, i, y, s->cut, &rows);
         for (int r = 0; r < count; ++r) tile->fragments += (uint64_t)rows.area[r];
-        if (narrow) {
-            spsi_splat_pairs(print, &rows, count, x0, y);
-            continue;
-        }
         for (int x = x0; x <= x1; x += SPSI_LANES)
             if (clamped)
                 spsi_splat_columns(print, &rows, count, x, y, 1);

@@ -125,22 +125,6 @@ static void test_quads(void) {
     }
 }
 
-/* Two rows of half as many pixels; where vectors are short, one whole row. */
-static void test_rows(void) {
-    const int rows = SPSI_ROWS_MOST, width = SPSI_LANES / rows, pitch = width + 3;
-    float grid[2 * SPSI_LANES + 6], out[SPSI_LANES], columns[SPSI_LANES];
-    for (int i = 0; i < 2 * SPSI_LANES + 6; ++i) grid[i] = (float)i;
-    spsi_store(out, spsi_load_halves(grid, grid + (rows - 1) * pitch));
-    spsi_store(columns, spsi_halves(spsi_iota(), spsi_iota()));
-    for (int i = 0; i < SPSI_LANES; ++i) {
-        CHECK(same_bits(columns[i], (float)(i % width)));
-        CHECK(same_bits(out[i], grid[i / width * pitch + i % width]));
-    }
-    spsi_store_halves(grid, grid + (rows - 1) * pitch, spsi_add(spsi_load(out), spsi_set(100)));
-    for (int i = 0; i < rows * pitch; ++i)
-        CHECK(same_bits(grid[i], (float)(i + (i % pitch < width ? 100 : 0)))); /* and nothing between the rows */
-}
-
 static void test_fours(void) {
     float table[4 * 50], entry[SPSI_LANES], out[SPSI_LANES];
     spsi_v four[4];
@@ -557,7 +541,6 @@ static void test_operations(void) {
     RUN(test_rounding);
     RUN(test_quads);
     RUN(test_words);
-    RUN(test_rows);
     RUN(test_fours);
     RUN(test_four_floats);
     RUN(test_lookups);

@@ -11179,7 +11179,6 @@ typedef struct spsi_sampler_rays {
     spsi_v nearest, limit;      /* depths where rays begin, and where polygons end them */
     spsi_sampler_line lines[2]; /* even and odd samples */
     int alternates;             /* 0: all samples are on the first line */
-    int steps;                  /* samples per slab */
     int lanes;                  /* mask of active rays */
     const int *by_slab;         /* mask of rays per slab, beginning one slab early */
 } spsi_sampler_rays;
@@ -11197,9 +11196,9 @@ static inline void spsi_sampler_line_clip(const spsi_pyramid_level *field, spsi_
     }
 }
 
-static inline void spsi_sampler_line_build(const spsi_sampler *t, const spsi_tile *tile, spsi_v x, spsi_v y, int steps,
+static inline void spsi_sampler_line_build(const spsi_sampler *t, const spsi_tile *tile, spsi_v x, spsi_v y,
                                            spsi_sampler_line *line) {
-    const spsi_v base = spsi_linear_base_at(&t->slab, x, y), per_step = spsi_set(1 / (float)steps);
+    const spsi_v base = spsi_linear_base_at(&t->slab, x, y), per_step = spsi_set(1 / (float)t->steps);
     const spsi_v per_slab = spsi_div(spsi_set(1), spsi_linear_slope_at(&t->slab, x, y));
     const spsi_v middle = spsi_mul(spsi_sub(spsi_mul(spsi_set(0.5f), per_step), base), per_slab);
     for (int k = 0; k < 3; ++k) {
@@ -11208,21 +11207,20 @@ static inline void spsi_sampler_line_build(const spsi_sampler *t, const spsi_til
         line->step[k] = spsi_mul(spsi_mul(change, per_slab), per_step);
     }
     line->first = spsi_set(-1);
-    line->end = spsi_set((float)(tile->slab_count * steps + 1));
+    line->end = spsi_set((float)(tile->slab_count * t->steps + 1));
     spsi_sampler_line_clip(t->field, line);
 }
 
 static inline void spsi_sampler_rays_build(const spsi_sampler *t, const spsi_tile *tile, spsi_v x, spsi_v y, int part,
-                                           int steps, spsi_sampler_rays *rays) {
+                                           spsi_sampler_rays *rays) {
     const int row = t->rays == 2 ? part : part / t->side;
     const spsi_v right = spsi_set((float)(part % t->side) / (float)t->side - t->aside);
     const spsi_v down = spsi_set((float)row / (float)t->side - t->aside);
-    rays->steps = steps;
     rays->lanes = SPSI_ALL_LANES;
     rays->alternates = t->rays == 2;
     x = spsi_add(x, right);
-    spsi_sampler_line_build(t, tile, x, spsi_add(y, down), steps, &rays->lines[0]);
-    if (rays->alternates) spsi_sampler_line_build(t, tile, x, spsi_sub(y, down), steps, &rays->lines[1]);
+    spsi_sampler_line_build(t, tile, x, spsi_add(y, down), &rays->lines[0]);
+    if (rays->alternates) spsi_sampler_line_build(t, tile, x, spsi_sub(y, down), &rays->lines[1]);
     if (!rays->alternates) y = spsi_add(y, down);
     rays->base = spsi_linear_base_at(&t->slab, x, y);
     rays->per_slab = spsi_div(spsi_set(1), spsi_linear_slope_at(&t->slab, x, y));
@@ -11236,7 +11234,7 @@ static inline void spsi_sampler_rays_build(const spsi_sampler *t, const spsi_til
 
 static inline void spsi_sampler_rays_limit(const spsi_sampler *t, const spsi_tile *tile, int x, int y,
                                            spsi_sampler_rays *rays) {
-    const spsi_v steps = spsi_set((float)rays->steps), last = spsi_set((float)tile->slab_count);
+    const spsi_v steps = spsi_set((float)t->steps), last = spsi_set((float)tile->slab_count);
     const spsi_v slope = spsi_div(spsi_set(1), rays->per_slab);
     spsi_v begin, end, low, high; /* slab coordinates; sample numbers */
     rays->nearest = spsi_set(t->near_d);
@@ -11274,7 +11272,7 @@ static inline int spsi_sampler_inside(const spsi_pyramid_level *field, const sps
 
 static float spsi_sampler_part(const spsi_sampler *t, const spsi_sampler_rays *rays, int lane, float from, float to,
                                uint64_t *samples) {
-    const float share = (to - from) / fabsf(spsi_lane(rays->per_slab, lane)) * (float)rays->steps;
+    const float share = (to - from) / fabsf(spsi_lane(rays->per_slab, lane)) * (float)t->steps;
     const int count = spsi_imax(1, (int)ceilf(spsi_fmin(share, SPSI_SAMPLER_MOST)));
     const float step = (to - from) / (float)count;
     float sum = 0;
@@ -11313,7 +11311,8 @@ static spsi_v spsi_sampler_cut(const spsi_sampler *t, const spsi_sampler_rays *r
 }
 
 /* Range of needed slabs, within one slab of the samples. */
-static inline void spsi_sampler_slabs(const spsi_sampler_rays *rays, int count, int slabs[2]) {
+static inline void spsi_sampler_slabs(const spsi_sampler *t, const spsi_sampler_rays *rays, int count,
+                                      int slabs[2]) {
     float low = SPSI_INFINITY, high = -SPSI_INFINITY;
     for (int n = 0; n <= rays->alternates; ++n) {
         float first[SPSI_LANES], end[SPSI_LANES];
@@ -11326,8 +11325,8 @@ static inline void spsi_sampler_slabs(const spsi_sampler_rays *rays, int count, 
             high = spsi_fmax(high, end[i]);
         }
     }
-    slabs[0] = low < high ? spsi_imax(0, (int)floorf(low / (float)rays->steps) - 1) : count;
-    slabs[1] = low < high ? spsi_imin(count, (int)ceilf(high / (float)rays->steps) + 1) : count;
+    slabs[0] = low < high ? spsi_imax(0, (int)floorf(low / (float)t->steps) - 1) : count;
+    slabs[1] = low < high ? spsi_imin(count, (int)ceilf(high / (float)t->steps) + 1) : count;
     while (slabs[0] < slabs[1] && !rays->by_slab[1 + slabs[0]]) ++slabs[0];
     while (slabs[0] < slabs[1] && !rays->by_slab[slabs[1]]) --slabs[1];
 }
@@ -11342,12 +11341,12 @@ static spsi_v spsi_only(spsi_v a, int lanes) {
 /* Adds slab integrals to sheets of `size` floats, at `at`. One more sample on either side yields slopes. */
 static void spsi_sampler_add(const spsi_sampler *t, spsi_tile *tile, const spsi_sampler_rays *rays, float *sheets,
                              size_t at, size_t size) {
-    const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale / (float)rays->steps));
+    const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale / (float)t->steps));
     const spsi_v correction = spsi_set(t->lone ? 0 : 1.0f / 24);
-    const int steps = rays->steps, cuts = tile->clamped && !t->whole;
+    const int steps = t->steps, cuts = tile->clamped && !t->whole;
     spsi_v before = spsi_set(0), first;
     int slabs[2];
-    spsi_sampler_slabs(rays, tile->slab_count, slabs);
+    spsi_sampler_slabs(t, rays, tile->slab_count, slabs);
     if (slabs[0] >= slabs[1]) return;
     const int *need = rays->by_slab + 1 + slabs[0]; /* lanes per slab */
     if (!t->lone) before = spsi_sampler_sample(t, rays, slabs[0] * steps - 1, need[0], &tile->samples);
@@ -11383,7 +11382,7 @@ static void spsi_sampler_row(const spsi_sampler *t, spsi_tile *tile, int x, int 
     const spsi_v column = spsi_add(spsi_set((float)x), spsi_iota()), row = spsi_set((float)y);
     for (int part = 0; part < t->rays; ++part) {
         spsi_sampler_rays rays;
-        spsi_sampler_rays_build(t, tile, column, row, part, t->steps, &rays);
+        spsi_sampler_rays_build(t, tile, column, row, part, &rays);
         rays.lanes = lanes;
         rays.by_slab = by_slab;
         if (tile->clamped && !t->whole) spsi_sampler_rays_limit(t, tile, x, y, &rays);
@@ -11404,13 +11403,6 @@ static inline int spsi_sampler_corner(int corner) { return 3 * (corner & 1) + 12
 
 static float spsi_sampler_slabs_per_depth(const spsi_sampler *t, float x, float y) {
     return t->slab.slope[0] + x * t->slab.slope[1] + y * t->slab.slope[2];
-}
-
-/* Error bound of a slab's mean, with `way` voxels crossed in steps of h. The corrected midpoint rule adds h^3 / 192 of
-   the third derivative `bend` (integrated Peano kernel), its differences h^3 / (288 steps). */
-static float spsi_sampler_steps_bound(float bend, float way, int steps) {
-    const float h = way / (float)steps;
-    return bend * h * h * h * (1 / 192.0f + 1 / (288.0f * (float)steps));
 }
 
 static float spsi_sampler_patch_depth(const spsi_sampler *t, const spsi_sampler_patch *patch, int corner, int plane) {
@@ -11536,11 +11528,11 @@ static spsi_v spsi_sampler_boxes_thirds(const spsi_sampler *t, const spsi_sample
     return spsi_mul(most, spsi_set((float)(1 << 3 * t->level))); /* third differences of larger steps */
 }
 
-/* Bounds the third derivative around each slab, as far as `steps` samples reach. Returns a mask of slabs that all rays
-   cross fully. */
+/* Bounds the third derivative around each slab, as far as samples reach. Returns a mask of slabs that all rays cross
+   fully. */
 static uint32_t spsi_sampler_patch_thirds(const spsi_sampler *t, const spsi_tile *tile, const spsi_sampler_patch *patch,
-                                          int steps, float bends[SPSI_SAMPLER_SLABS + SPSI_LANES]) {
-    const float beyond = 0.5f / (float)steps; /* middle of the next step */
+                                          float bends[SPSI_SAMPLER_SLABS + SPSI_LANES]) {
+    const float beyond = 0.5f / (float)t->steps; /* middle of the next step */
     float range[2];
     uint32_t whole = 0;
     spsi_sampler_patch_range(t, tile, patch, range);
@@ -11591,8 +11583,8 @@ static inline void spsi_sampler_spread(const float *sums, const float down[][4],
     }
 }
 
-static void spsi_sampler_patch_spread(const spsi_tile *tile, const spsi_sampler_patch *patch, const int slabs[2],
-                                      const float *sums, float *sheets) {
+static void spsi_sampler_patch_spread(const spsi_tile *tile, const spsi_sampler_patch *patch, const float *sums,
+                                      float *sheets) {
     const int width = patch->x1 - patch->x0 + 1, height = patch->y1 - patch->y0 + 1;
     float down[SPSI_PATCH][4];
     memset(down, 0, sizeof down);
@@ -11601,7 +11593,7 @@ static void spsi_sampler_patch_spread(const spsi_tile *tile, const spsi_sampler_
     for (int x = 0; x < width; x += SPSI_LANES) {
         spsi_v across[4];
         spsi_sampler_across(x, width, across);
-        for (int slab = slabs[0]; slab < slabs[1]; ++slab) {
+        for (int slab = 0; slab < tile->slab_count; ++slab) {
             int some = 0;
             for (int n = 0; n < 16; n += SPSI_LANES)
                 some |= spsi_bits(spsi_less(spsi_set(0), spsi_load(sums + 16 * slab + n)));
@@ -11612,22 +11604,21 @@ static void spsi_sampler_patch_spread(const spsi_tile *tile, const spsi_sampler_
     }
 }
 
+/* Adds the slabs in a mask. */
 static void spsi_sampler_patch_add(const spsi_sampler *t, spsi_tile *tile, const spsi_sampler_patch *patch,
-                                   const int slabs[2], int steps, float *sheets) {
-    float sums[SPSI_SAMPLER_SLABS * 16];
-    int by_slab[SPSI_SAMPLER_SLABS + 3];
-    memset(sums + 16 * slabs[0], 0, (size_t)(slabs[1] - slabs[0]) * 16 * sizeof *sums);
-    memset(by_slab, 0, sizeof by_slab);
-    for (int slab = slabs[0]; slab < slabs[1]; ++slab) by_slab[1 + slab] = SPSI_ALL_LANES;
+                                   uint32_t smooth, float *sheets) {
+    float sums[SPSI_SAMPLER_SLABS * 16] = {0};
+    int by_slab[SPSI_SAMPLER_SLABS + 3] = {0};
+    for (int slab = 0; slab < tile->slab_count; ++slab) by_slab[1 + slab] = smooth >> slab & 1 ? SPSI_ALL_LANES : 0;
     for (int part = 0; part < t->rays; ++part)
         for (int n = 0; n < 16; n += SPSI_LANES) {
             const spsi_v x = spsi_load(patch->x + n), y = spsi_load(patch->y + n);
             spsi_sampler_rays rays;
-            spsi_sampler_rays_build(t, tile, x, y, part, steps, &rays);
+            spsi_sampler_rays_build(t, tile, x, y, part, &rays);
             rays.by_slab = by_slab;
             spsi_sampler_add(t, tile, &rays, sums, (size_t)n, 16);
         }
-    spsi_sampler_patch_spread(tile, patch, slabs, sums, sheets);
+    spsi_sampler_patch_spread(tile, patch, sums, sheets);
 }
 
 static float spsi_sampler_crossed(const spsi_sampler *t, const spsi_tile *tile) {
@@ -12796,61 +12787,38 @@ static float spsi_target_depth(const spsi_target *target, int medium, const spsi
     return extinction * most;
 }
 
-typedef struct spsi_patch_plan {
-    spsi_sampler_patch patch;
-    float allowed;                 /* tolerance up to this chunk */
-    float *spent;                  /* tolerance used */
-    float depth, way;              /* per slab: optical depth at value 1; voxels crossed */
-    int steps[SPSI_SAMPLER_SLABS]; /* samples per slab; 0: trace all rays */
-} spsi_patch_plan;
-
-/* Chooses slabs to interpolate with the tolerance left, with fewer samples than full sampling takes where they
-   suffice. */
-static void spsi_patch_choose(const spsi_sampler *here, const spsi_tile *tile, spsi_patch_plan *plan) {
-    const float across = plan->depth * spsi_sampler_patch_bound(here, tile, &plan->patch);
-    const int most = spsi_sampler_steps(here, plan->way);
-    float bends[SPSI_SAMPLER_SLABS + SPSI_LANES], beside[SPSI_SAMPLER_SLABS + SPSI_LANES];
-    const uint32_t whole = spsi_sampler_patch_thirds(here, tile, &plan->patch, most, bends);
-    if (most > 1) spsi_sampler_patch_thirds(here, tile, &plan->patch, 1, beside);
+/* Mask of slabs to interpolate with the tolerance left. */
+static uint32_t spsi_patch_choose(const spsi_sampler *here, const spsi_tile *tile, const spsi_sampler_patch *patch,
+                                  float depth, float allowed, float *spent) {
+    const float across = depth * spsi_sampler_patch_bound(here, tile, patch);
+    float bends[SPSI_SAMPLER_SLABS + SPSI_LANES];
+    const uint32_t whole = spsi_sampler_patch_thirds(here, tile, patch, bends);
+    uint32_t smooth = 0;
     for (int slab = 0; slab < tile->slab_count; ++slab) {
-        const float bound = *plan->spent + across * bends[slab];
-        float along = 0;
-        int *steps = &plan->steps[slab];
-        *steps = 0;
-        if (!(bound <= plan->allowed) || !(whole >> slab & 1)) continue;
-        for (*steps = 1; *steps < most; ++*steps) {
-            along = across * (beside[slab] - bends[slab]) +
-                    plan->depth * spsi_sampler_steps_bound(beside[slab], plan->way, *steps);
-            if (bound + along <= plan->allowed) break;
-        }
-        *plan->spent = bound + (*steps < most ? along : 0);
+        const float bound = *spent + across * bends[slab];
+        if (!(bound <= allowed) || !(whole >> slab & 1)) continue;
+        *spent = bound;
+        smooth |= UINT32_C(1) << slab;
     }
+    return smooth;
 }
 
-/* Interpolates where the tolerance up to this chunk allows. `way`: voxels crossed in a slab. `rest`: patches per slab,
-   reduced to the ones left. */
-static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_sampler *here, int medium, float way, float *channel,
+/* Interpolates where the tolerance up to this chunk allows. `rest`: patches per slab, reduced to the ones left. */
+static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_sampler *here, int medium, float *channel,
                                   uint64_t rest[SPSI_SAMPLER_SLABS]) {
     const spsi_target *target = fill->target;
     const float chunk = (float)(fill->contents->first_slab / SPSI_CHUNK);
+    const float allowed = (chunk + 1) * target->tolerance / (float)spsi_chunk_count(target->slabs);
     float *spent = target->spent + 64 * (fill->row * target->columns + fill->column);
-    const int count = fill->tile->slab_count;
     const uint64_t patches = rest[0];
-    spsi_patch_plan plan;
-    plan.allowed = (chunk + 1) * target->tolerance / (float)spsi_chunk_count(target->slabs);
-    plan.way = way;
     for (int n = 0; n < 64; ++n) {
-        int run[2];
-        if (!(patches >> n & 1) || !spsi_tile_patch(fill->tile, n, &plan.patch)) continue;
-        plan.spent = &spent[n];
-        plan.depth = here->mix * spsi_target_depth(target, medium, &plan.patch);
-        spsi_patch_choose(here, fill->tile, &plan);
-        for (run[0] = 0; run[0] < count; run[0] = run[1]) {
-            const int steps = plan.steps[run[0]];
-            for (run[1] = run[0]; run[1] < count && plan.steps[run[1]] == steps; ++run[1])
-                if (steps > 0) rest[run[1]] &= ~(UINT64_C(1) << n);
-            if (steps > 0) spsi_sampler_patch_add(here, fill->tile, &plan.patch, run, steps, channel);
-        }
+        spsi_sampler_patch patch;
+        if (!(patches >> n & 1) || !spsi_tile_patch(fill->tile, n, &patch)) continue;
+        const float depth = here->mix * spsi_target_depth(target, medium, &patch);
+        const uint32_t smooth = spsi_patch_choose(here, fill->tile, &patch, depth, allowed, &spent[n]);
+        for (int slab = 0; slab < fill->tile->slab_count; ++slab)
+            if (smooth >> slab & 1) rest[slab] &= ~(UINT64_C(1) << n);
+        if (smooth) spsi_sampler_patch_add(here, fill->tile, &patch, smooth, channel);
     }
 }
 
@@ -12926,9 +12894,9 @@ static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t pa
     const float way = spsi_sampler_crossed(&here, tile);
     here.cells = (const uint32_t(*)[2])here.field->cells[spsi_reach_wanted(target, medium, way)];
     for (int slab = 0; slab < tile->slab_count; ++slab) rest[slab] = patches;
-    if (spsi_target_interpolates(target, medium) && here.level <= 1)
-        spsi_tile_interpolate(fill, &here, medium, way, channel, rest);
     here.steps = spsi_sampler_steps(&here, way);
+    if (spsi_target_interpolates(target, medium) && here.level <= 1)
+        spsi_tile_interpolate(fill, &here, medium, channel, rest);
     spsi_tile_follow(&here, tile, rest, channel);
 }
 

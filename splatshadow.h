@@ -4008,10 +4008,9 @@ typedef struct spsi_pyramid {
     int filled;
     float weights[SPSI_SAMPLER_STEPS + 1][8];  /* indexed by position; 0 beyond taps */
     float changes[SPSI_SAMPLER_STEPS + 1][8];  /* derivative per voxel */
-    spsi_pyramid_level list[SPSI_VOLUMES_MAX]; /* finest, per medium */
     int leveled;                             /* coarser levels filled */
     int bent;                                /* 1: `bends` is set */
-    spsi_pyramid_level levels[SPSI_VOLUMES_MAX][SPSI_LEVELS];
+    spsi_pyramid_level levels[SPSI_VOLUMES_MAX][SPSI_LEVELS + 1]; /* per medium; 0: finest */
 } spsi_pyramid;
 
 /* Results of reading. Before, bounds are the volumes' boxes. */
@@ -11654,8 +11653,8 @@ SPSI_COLD void spsi_sampler_build(const spsi_pyramid *fields, const spsi_lattice
     sampler->aside = 0.5f - 0.5f / (float)sampler->side;
     for (int k = 0; k < 3; ++k)
         sampler->breadth = spsi_dmax(sampler->breadth, SPSI_SIGMA * (1 << level) * spsi_length(lattice->step[k]));
-    sampler->finest = &fields->list[medium];
-    sampler->field = level ? &fields->levels[medium][level - 1] : sampler->finest;
+    sampler->finest = fields->levels[medium];
+    sampler->field = &fields->levels[medium][level];
     spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows);
     for (int k = 0; k < 3; ++k) {
         for (int i = 0; i < 3; ++i) rows[k][i] /= 1 << level;
@@ -11747,7 +11746,7 @@ SPSI_COLD spsi_fill_choice spsi_sampler_serves_at(spsi_sampler *sampler, const s
 /* Ray coordinates of a corner of the bricks' box, or its middle (8). */
 SPSI_COLD void spsi_sampler_point(const spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays,
                                   int corner, double q[3]) {
-    const spsi_pyramid_level *field = &sampler->fields->list[lattice->medium];
+    const spsi_pyramid_level *field = sampler->fields->levels[lattice->medium];
     double at[3], point[3];
     for (int k = 0; k < 3; ++k) {
         const double share = corner == 8 ? 0.5 : corner >> k & 1;
@@ -11772,7 +11771,7 @@ SPSI_COLD spsi_fill_choice spsi_sampler_serves(spsi_sampler *sampler, const spsi
 /* True if gathering costs less than splatting. */
 SPSI_COLD int spsi_sampler_pays(const spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays,
                                 const spsi_splatter *splatter) {
-    const spsi_pyramid_level *field = &sampler->fields->list[lattice->medium];
+    const spsi_pyramid_level *field = sampler->fields->levels[lattice->medium];
     const double cut = (double)splatter->cut, size = (double)(1 << sampler->level);
     double q[3], area, least, fragments, samples;
     spsi_sampler_point(sampler, lattice, rays, 8, q);
@@ -11800,7 +11799,8 @@ SPSI_COLD int spsi_levels_wanted(const spsi_frame *frame, int medium) {
 /* Optical depth of the densest voxel; 0 if classified or not read. */
 SPSI_COLD double spsi_medium_depth(const spsi_frame *frame, const spsi_lattice *lattice) {
     const spsi_material *material = &frame->matter.materials[frame->media[lattice->medium].channel];
-    const double extinction = (double)material->extinction * (double)frame->content->fields->list[lattice->medium].most;
+    const spsi_pyramid_level *finest = frame->content->fields->levels[lattice->medium];
+    const double extinction = (double)material->extinction * (double)finest->most;
     return material->table ? 0 : extinction * cbrt(lattice->voxel_volume);
 }
 
@@ -11866,7 +11866,7 @@ SPSI_COLD spsi_fill_choice spsi_sampler_judge(const spsi_frame *frame, const sps
     const int most = pattern == SPSI_SAMPLER_SHEETS || chosen > 0 ? SPSI_SAMPLER_RAYS : 0, few = wanted > 0 ? 4 : 2;
     spsi_fill_choice verdict = SPSI_SPLAT_SMALL;
     if (!fields) return SPSI_SPLAT_ASKED;
-    if (fields->list[lattice->medium].count == 0) return SPSI_SPLAT_SPREAD;
+    if (fields->levels[lattice->medium]->count == 0) return SPSI_SPLAT_SPREAD;
     if (wanted < 0) return SPSI_SPLAT_CHEAPER;
     if (spsi_medium_is_behind(&frame->media[lattice->medium], rays)) return SPSI_SPLAT_NEAR;
     for (int n = wanted > 0 && pattern == SPSI_SAMPLER_PIXELS; n * n <= most && verdict == SPSI_SPLAT_SMALL; ++n)
@@ -11887,12 +11887,10 @@ SPSI_COLD spsi_fill_choice spsi_sampler_judge(const spsi_frame *frame, const sps
 /* Weight of the next level, in 128ths. It grows from 0 to 1 over the last octave of variance before that level takes
    over. It does so where four rays are too few and its voxels narrow enough. In perspective, the far side decides the
    first, the near side the second. */
-static float spsi_levels_mix(const spsi_frame *frame, const spsi_sampler *sampler) {
+static float spsi_levels_mix(const spsi_frame *frame, int medium, const spsi_sampler *sampler) {
     const double wide = 4 * (double)sampler->widest * (double)sampler->widest / SPSI_SAMPLER_WIDEST;
     const double octaves = log(spsi_dmax((double)sampler->least / SPSI_SAMPLER_VARIANCE, wide)) / log(2.0);
-    if (sampler->side < 2 ||
-        sampler->level >= spsi_levels_wanted(frame, (int)(sampler->finest - sampler->fields->list)) || !(octaves < 1))
-        return 0;
+    if (sampler->side < 2 || sampler->level >= spsi_levels_wanted(frame, medium) || !(octaves < 1)) return 0;
     return (float)floor(128 * spsi_dmin(1 - octaves, 0.9925)) / 128;
 }
 
@@ -11908,7 +11906,7 @@ static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, c
             spsi_sampler_judge(frame, lattice, rays, slabs, &splatter, SPSI_SAMPLER_PIXELS, &sampler);
         if (verdict == SPSI_SPLAT_CHEAPER && chooses && sampler.level > 0) frame->content->levels[m] = -1;
         if (!spsi_gathers(verdict)) continue;
-        if (chooses) sampler.mix = spsi_levels_mix(frame, &sampler);
+        if (chooses) sampler.mix = spsi_levels_mix(frame, m, &sampler);
         if (chooses) frame->content->levels[m] = (float)sampler.level + sampler.mix;
         for (int n = 0; n < 9 && (sampler.level > 0 || sampler.mix > 0); ++n) {
             const double reach = fabs(lattice->step[n / 3][n % 3]) * (spsi_sampler_reach(&sampler) - SPSI_REACH);
@@ -11957,9 +11955,8 @@ SPSI_COLD size_t spsi_pyramid_ints(const spsi_frame *frame, int medium) {
 }
 
 SPSI_COLD void spsi_levels_place(spsi_pyramid *fields, int medium) {
-    memset(fields->levels[medium], 0, sizeof fields->levels[medium]);
-    for (int n = 0; n < SPSI_LEVELS; ++n)
-        spsi_level_place(n ? &fields->levels[medium][n - 1] : &fields->list[medium], &fields->levels[medium][n]);
+    spsi_pyramid_level *levels = fields->levels[medium];
+    for (int n = 1; n <= SPSI_LEVELS; ++n) spsi_level_place(&levels[n - 1], &levels[n]);
 }
 
 SPSI_COLD void spsi_pyramid_whole(const spsi_medium *medium, spsi_pyramid_level *field) {
@@ -12005,9 +12002,9 @@ static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, c
 SPSI_COLD size_t spsi_pyramids_begin(const sps_context *context, const spsi_frame *frame, spsi_pyramid *fields) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     size_t all = 0;
-    memset(fields->list, 0, sizeof fields->list);
+    memset(fields->levels, 0, sizeof fields->levels);
     for (int m = 0, first = 0; m < frame->medium_count; ++m) {
-        spsi_pyramid_level *field = &fields->list[m];
+        spsi_pyramid_level *field = fields->levels[m];
         field->first = first;
         while (first < context->brick_count && bricks[first].lattice == m) ++first;
         field->end = first;
@@ -12043,7 +12040,7 @@ SPSI_COLD sps_result spsi_pyramids_place(sps_context *context, const spsi_frame 
                                       sizeof(int));
     if (!memory) return context->result;
     for (int m = 0; m < frame->medium_count; ++m) {
-        spsi_pyramid_level *field = &fields->list[m];
+        spsi_pyramid_level *field = fields->levels[m];
         if (spsi_pyramid_cells(field) == 0) continue;
         spsi_levels_place(fields, m);
         memory = spsi_pyramid_lay(field, spsi_pyramid_reaches(frame, m), memory);
@@ -12055,22 +12052,20 @@ SPSI_COLD sps_result spsi_pyramids_place(sps_context *context, const spsi_frame 
 
 /* Levels of a volume up to `most`; 0 is the finest. */
 static int spsi_levels_cached(const spsi_frame *frame, int medium, int most) {
-    return frame->content->fields->list[medium].count > 0 ? spsi_imin(most, spsi_levels_wanted(frame, medium)) : 0;
+    return frame->content->fields->levels[medium]->count > 0 ? spsi_imin(most, spsi_levels_wanted(frame, medium)) : 0;
 }
 
 static spsi_pyramid_job spsi_pyramid_job_of(const sps_context *context, const spsi_frame *frame, int medium,
                                             int level) {
     spsi_pyramid *fields = frame->content->fields;
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
-    spsi_pyramid_level *levels = fields->levels[medium], *finest = &fields->list[medium];
+    spsi_pyramid_level *field = &fields->levels[medium][level];
     const spsi_pyramid_job job = {context,
                                   (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data,
                                   material->table ? material : NULL,
                                   fields->taps,
-                                  level > 0 ? &levels[level - 1] : finest,
-                                  level > 1    ? &levels[level - 2]
-                                  : level == 1 ? finest
-                                               : NULL};
+                                  field,
+                                  level > 0 ? field - 1 : NULL};
     return job;
 }
 
@@ -12127,15 +12122,15 @@ SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *fr
     if (fields->leveled >= levels) return SPS_OK;
     fields->leveled = 0;
     for (int m = 0; m < frame->medium_count; ++m)
-        for (int n = 0; n < spsi_levels_cached(frame, m, levels); ++n)
+        for (int n = 1; n <= spsi_levels_cached(frame, m, levels); ++n)
             ints += spsi_pyramid_cells(&fields->levels[m][n]) * spsi_pyramid_ints(frame, m);
     int *memory = (int *)spsi_reserve(context, SPSI_BUFFER_LEVEL_GRIDS, ints, sizeof(int));
     if (!memory) return context->result;
     for (int m = 0; m < frame->medium_count; ++m)
-        for (int n = 0; n < spsi_levels_cached(frame, m, levels); ++n) {
+        for (int n = 1; n <= spsi_levels_cached(frame, m, levels); ++n) {
             spsi_pyramid_level *level = &fields->levels[m][n];
             memory = spsi_pyramid_lay(level, spsi_pyramid_reaches(frame, m), memory);
-            spsi_level_number(n ? level - 1 : &fields->list[m], level);
+            spsi_level_number(level - 1, level);
         }
     if (spsi_levels_store(context, frame, 1, levels)) return context->result;
     fields->leveled = levels;
@@ -12169,12 +12164,12 @@ SPSI_COLD sps_result spsi_pyramids_thirds(sps_context *context, const spsi_frame
     spsi_pyramid *fields = frame->content->fields;
     size_t cells = 0;
     if (fields->bent) return SPS_OK;
-    for (int m = 0; m < frame->medium_count; ++m) cells += spsi_pyramid_cells(&fields->list[m]);
+    for (int m = 0; m < frame->medium_count; ++m) cells += spsi_pyramid_cells(fields->levels[m]);
     float *bends = (float *)spsi_reserve(context, SPSI_BUFFER_THIRDS, cells, 8 * sizeof(float));
     if (!bends) return context->result;
     memset(bends, 0, cells * 8 * sizeof(float));
     for (int m = 0; m < frame->medium_count; ++m) {
-        spsi_pyramid_level *field = &fields->list[m];
+        spsi_pyramid_level *field = fields->levels[m];
         const size_t count = 8 * spsi_pyramid_cells(field);
         spsi_pyramid_job job = {context, NULL, NULL, fields->taps, field, NULL};
         field->bends = bends;
@@ -19352,7 +19347,7 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
     }
     if (shader->frame->has_gradients && material->shading == SPS_SHADING_SURFACE &&
-        shader->frame->content->fields->list[material->medium].count > 0)
+        shader->frame->content->fields->levels[material->medium]->count > 0)
         spsi_samples_gradient(shader, &target->samplers[material->medium], p, channel, slab);
 }
 
@@ -24499,9 +24494,9 @@ SPSI_COLD sps_result spsi_plan_pyramids(sps_context *context, const spsi_frame *
     if (!fields) return context->result;
     frame->content->fields = fields;
     fields->taps = spsi_taps_wanted(frame);
-    memset(fields->list, 0, sizeof fields->list);
+    memset(fields->levels, 0, sizeof fields->levels);
     for (int m = 0; m < frame->medium_count; ++m) {
-        spsi_pyramid_level *field = &fields->list[m];
+        spsi_pyramid_level *field = fields->levels[m];
         const double bricks = (double)reading->bricks_of[m], most = pow(SPSI_BRICK + fields->taps, 3);
         double volume = 1;
         spsi_pyramid_whole(&frame->media[m], field);

@@ -89,7 +89,7 @@ static void test_samples(void) {
         fields = (const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data;
         CHECK(fields->taps == (quality == SPS_QUALITY_MEDIUM ? 4 : 6));
         for (int i = 0; i < 4000; ++i) {
-            const spsi_pyramid_level *field = &fields->list[0];
+            const spsi_pyramid_level *field = fields->levels[0];
             double at[3];
             for (int k = 0; k < 3; ++k) at[k] = -4 + (GRID + 7) * check_next(&random);
             worst = fmax(worst, fabs(sample_at(fields, field, at) - sum_of_kernels(noise, at)));
@@ -119,7 +119,7 @@ static void gradient_at(const spsi_pyramid *fields, const double at[3], double g
     spsi_v place[3], slope[3];
     memset(&tapper, 0, sizeof tapper);
     tapper.fields = fields;
-    tapper.field = &fields->list[0];
+    tapper.field = fields->levels[0];
     memcpy(tapper.rows, rows, sizeof rows);
     for (int k = 0; k < 3; ++k) place[k] = spsi_set((float)(at[k] - SPSI_BRICK * tapper.field->low[k]));
     spsi_sampler_gradient(&tapper, place, 1, slope);
@@ -381,7 +381,7 @@ static void check_levels(sps_quality quality, int taps) {
     fields = (const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data;
     if (!CHECK(samples_of(context) > 0 && fields->leveled && fields->taps == taps)) return;
     for (int n = 0; n < fields->leveled; ++n) {
-        const spsi_pyramid_level *fine = n ? &fields->levels[0][n - 1] : &fields->list[0], *level = &fields->levels[0][n];
+        const spsi_pyramid_level *fine = &fields->levels[0][n], *level = fine + 1;
         double sums[2] = {0, 0}, worst = 0;
         for (int at = 0; at < 32 * 32 * 32; ++at) {
             const int coarse[3] = {at % 32 - 8, at / 32 % 32 - 8, at / 1024 - 8};
@@ -682,7 +682,7 @@ static int shows_within(int classified, const int low[3], const int high[3]) {
 
 /* Number of a field's cells that are marked in a reach and should not be, or the other way round. */
 static int cells_wrong(const spsi_pyramid *fields, int classified, int number) {
-    const spsi_pyramid_level *field = &fields->list[0];
+    const spsi_pyramid_level *field = fields->levels[0];
     const int farther = classified ? number : 0, taps = fields->taps;
     int wrong = 0;
     for (int held = 0; held < field->count; ++held) {
@@ -776,7 +776,7 @@ static void test_left_out(void) {
         if (n & 2) check_orthographic(&s.view.camera, 1);
         if (!check_render(context, &s, image_a)) return;
         samples = samples_of(context);
-        mark_all_cells(&((const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data)->list[0]);
+        mark_all_cells(((const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data)->levels[0]);
         if (!check_render(context, &s, image_b)) return;
         if (!CHECK(samples < 0.9 * samples_of(context) && memcmp(image_a, image_b, sizeof image_a) == 0))
             printf("    %d: %g of %g samples\n", n, samples, samples_of(context));
@@ -976,7 +976,7 @@ static void test_boxes_bend(void) {
     s.view.tolerance = 0.1f;
     if (!check_render(context, &s, image_a)) return;
     fields = (const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data;
-    field = &fields->list[0];
+    field = fields->levels[0];
     for (int i = 0; i < 500; ++i) {
         spsi_sampler tapper;
         spsi_sampler_boxes boxes;
@@ -1024,7 +1024,7 @@ static void test_slabs_in_need(void) {
     memset(&tapper, 0, sizeof tapper);
     memset(&tile, 0, sizeof tile);
     tapper.fields = (const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data;
-    tapper.field = tapper.finest = &tapper.fields->list[0];
+    tapper.field = tapper.finest = tapper.fields->levels[0];
     tapper.cells = (const uint32_t(*)[2])tapper.field->cells[0];
     tapper.rays = tapper.side = 1, tapper.scale = 1, tapper.slab.slope[0] = 1;
     for (int k = 0; k < 3; ++k) {
@@ -1536,7 +1536,7 @@ static void test_scattered_thinly(void) {
         check_render(context, &s, image_a);
         sps_get_stats(context, &stats);
         CHECK((stats.eye_samples > 0) == beside && stats.eye_footprints > 0);
-        CHECK(((const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data)->list[0].grid == NULL);
+        CHECK(((const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data)->levels[0]->grid == NULL);
     }
 }
 
@@ -1560,7 +1560,7 @@ static void test_scattered_surface(void) {
         s.volume[0].gradient_full = 1e-3f;
         s.view.filling = (sps_filling)filling;
         if (!check_render(context, &s, image_a)) return;
-        CHECK(((const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data)->list[0].count > 0);
+        CHECK(((const spsi_pyramid *)context->buffers[SPSI_BUFFER_PYRAMIDS].data)->levels[0]->count > 0);
         for (int i = 0; i < SIDE * SIDE; ++i) sum[i % SIDE >= SIDE / 2] += (double)image_a[4 * i];
         CHECK(sum[0] > 0 && sum[1] <= 0.01 * sum[0]);
     }
@@ -1648,7 +1648,7 @@ static void test_bytes(void) {
         CHECK(fresh->buffers[SPSI_BUFFER_LEVEL_VALUES].size > 0);
         fields = (const spsi_pyramid *)fresh->buffers[SPSI_BUFFER_PYRAMIDS].data;
         for (int i = 0; i < s.scene.volume_count; ++i)
-            CHECK((fields->levels[i][0].count == 0) == (s.volume[i].transfer != NULL));
+            CHECK((fields->levels[i][1].count == 0) == (s.volume[i].transfer != NULL));
         CHECK(bytes > 0 && bytes <= plans[1].pass[SPS_PASS_GATHER].bytes - plans[0].pass[SPS_PASS_GATHER].bytes);
         sps_destroy(fresh);
     }

@@ -10534,7 +10534,7 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossi
    Cost in vector operations: 20 per sample of 4^3 voxels, 80 of 6^3, twice that per gradient. Add 60 per vector of
    samples; interpolated ones take 5. A level takes 60 per voxel. */
 
-#define SPSI_SAMPLER_MOST     1024  /* samples per ray and slab */
+#define SPSI_SAMPLER_MOST     11    /* samples per ray and slab; thicker slabs are splatted */
 #define SPSI_SAMPLER_STEP     1.45  /* largest step in voxels: one sample in a one-voxel slab at any angle */
 #define SPSI_SAMPLER_STEP_6   1.0   /* with 6^3 taps */
 #define SPSI_SAMPLER_OPAQUE   1e4   /* splat voxels of greater optical depth: a tap 3 voxels away weighs 1e-5 */
@@ -11689,6 +11689,7 @@ typedef enum spsi_fill_choice {
     SPSI_SPLAT_ASKED = 0,
     SPSI_SPLAT_SMALL, /* smaller than the pixel filter */
     SPSI_SPLAT_NEAR,
+    SPSI_SPLAT_THICK,
     SPSI_SPLAT_SPREAD, /* no pyramid */
     SPSI_SPLAT_OPAQUE, /* opaque: a truncated kernel would shade its skin */
     SPSI_SPLAT_CHEAPER,
@@ -11731,7 +11732,7 @@ SPSI_COLD spsi_fill_choice spsi_sampler_serves_at(spsi_sampler *sampler, const s
     const double finer = (double)(sampler->side << sampler->level);
     const int many = sampler->level > 0 && sampler->side > 2; /* lone voxels keep their mass better */
     const double least = sampler->rays == 2 ? SPSI_SAMPLER_TWO : many ? SPSI_SAMPLER_LONE : SPSI_SAMPLER_VARIANCE;
-    double widest, variance, area;
+    double way[3], widest, variance, area;
     if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return SPSI_SPLAT_NEAR;
     spsi_footprint_variances(splatter, q, &variance, &area);
     variance *= finer * finer;
@@ -11740,6 +11741,9 @@ SPSI_COLD spsi_fill_choice spsi_sampler_serves_at(spsi_sampler *sampler, const s
     if (widest * widest > SPSI_SAMPLER_WIDEST && sampler->level > sampler->wanted) return SPSI_SPLAT_SMALL;
     sampler->least = spsi_fmin(sampler->least, (float)(variance * 4 / (sampler->side * sampler->side)));
     sampler->widest = spsi_fmax(sampler->widest, (float)widest);
+    spsi_sampler_longest(sampler, rays, q, way);
+    if (!(sqrt(spsi_dot(way, way)) <= SPSI_SAMPLER_MOST * spsi_sampler_step(sampler->fields)) && !sampler->lone)
+        return SPSI_SPLAT_THICK;
     return SPSI_GATHER_ASKED;
 }
 
@@ -11756,7 +11760,7 @@ SPSI_COLD void spsi_sampler_point(const spsi_sampler *sampler, const spsi_lattic
     spsi_point_to_rays(rays, point, q);
 }
 
-/* Tests voxel size against texels, and distance from the rays' origin. */
+/* Tests voxel size against texels, distance from the rays' origin, and slab thickness. */
 SPSI_COLD spsi_fill_choice spsi_sampler_serves(spsi_sampler *sampler, const spsi_lattice *lattice,
                                                const spsi_rays *rays, const spsi_splatter *splatter) {
     for (int corner = 0; corner < 8; ++corner) {
@@ -24643,6 +24647,7 @@ SPSI_COLD int spsi_plan_shadow_count(const spsi_frame *frame, int n) {
 static const char *const spsi_filling_reasons[] = {"splatted: view.filling asks for it",
                                                    "splatted: voxels are smaller than pixels, and no level fits",
                                                    "splatted: voxels are near the eye or the light, or behind it",
+                                                   "splatted: rays cross too many voxels in a slab",
                                                    "splatted: voxels are scattered too thinly, or none is relevant",
                                                    "splatted: gas is opaque within a fraction of a voxel",
                                                    "splatted: footprints cost less than samples would",

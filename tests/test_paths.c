@@ -371,14 +371,14 @@ static sps_result follow_flames(const flames *f, double step, int samples) {
     sps_image image;
     memset(&settings, 0, sizeof settings);
     memset(&image, 0, sizeof image);
-    settings.step = step, settings.samples = samples, settings.seed = 2, settings.error = flame_error;
+    settings.step = step, settings.samples = samples, settings.seed = 1, settings.error = flame_error;
     image.rgba = flame_image;
     return sps_reference(context, &f->scene, &f->view, &settings, &image);
 }
 
 /* Haze from 0.8 to 4.8 units around a flame of 0.12. What has scattered once is in closed form, all orders over that by
-   paths of the test's own at eight distances. With 600 pixels of 256 paths, a fifth of which scatter in the haze, at
-   places as bright as 1 / r^2, the mean has a standard error of 1 %. */
+   paths of the test's own at eight distances. With 600 pixels of 1024 paths, a fifth of which scatter in the haze, at
+   places as bright as 1 / r^2, the mean has a standard error of 0.6 %: seeds 1 to 8 give 0.2 to 1.1 %. */
 static void test_flame_in_haze(void) {
     flames *f = flames_rings(FLAME_WIDTH, 0);
     double all[9][3];
@@ -400,10 +400,10 @@ static void test_flame_in_haze(void) {
         for (int c = 0; c < 3; ++c)
             flame_truth[i][c] *= all[(int)at][c] + (at - (int)at) * (all[(int)at + 1][c] - all[(int)at][c]);
     }
-    if (CHECK_OK(context, follow_flames(f, 4, 256)))
-        CHECK_CASE("Scattering", "a small flame in haze, by 256 random paths",
+    if (CHECK_OK(context, follow_flames(f, 4, 1024)))
+        CHECK_CASE("Scattering", "a small flame in haze, by 1024 random paths",
                    "closed form, and paths of the test's own",
-                   mean_ratio(flame_image, (const double(*)[3])flame_truth, FLAME_WIDTH * FLAME_WIDTH), 0.03,
+                   mean_ratio(flame_image, (const double(*)[3])flame_truth, FLAME_WIDTH * FLAME_WIDTH), 0.02,
                    "three standard errors; relative");
     free(f);
 }

@@ -790,8 +790,7 @@ typedef struct sps_pass_report {
 
 typedef struct sps_plan_report {
     sps_pass_report pass[SPS_PASS_COUNT];
-    /* Passes over the slabs: one per light that shades by sheets; without such lights, one per part of the image. With
-       particles, an upper bound, as are the runs that depend on it. */
+    /* Passes over the slabs: one per light that shades by sheets; without such lights, one per part of the image. */
     int sweep_count;
     int color_channels;              /* 3, or 1 if every color that plays a part is grey */
     int sheet_channels;              /* values per pixel and slab of the eye's sheets */
@@ -802,16 +801,16 @@ typedef struct sps_plan_report {
        is not (static strings). Unread volumes count as full boxes, cells as one grid. */
     int eye_gathered, light_gathered, cells_gathered;
     const char *eye_filling, *light_filling, *cells_filling;
-    /* SPS_SCATTERING_AUTO: as in sps_stats_report if all gas is cached, or with polygons; otherwise -1. */
+    /* SPS_SCATTERING_AUTO: as in sps_stats_report if volumes are cached, or with polygons; otherwise -1. */
     double scatter_bound;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls; /* exact */
     uint64_t voxels_read;     /* exact, borders of blocks counted each time */
-    /* Chosen before reading: volumes fill their boxes, AUTO means MULTIPLE, particles count as nothing. sps_render may
-       choose and judge otherwise. */
+    /* Chosen before reading: volumes fill their boxes, AUTO means MULTIPLE. sps_render may choose otherwise. */
     sps_budget_report budget;
-    /* Upper bound of the context's memory for this setting, with image.depth. It excludes layers of pixels and texels,
-       and lists of maps, which may be several times as much. Often 2 or 3 times the use; with particles far more,
-       unless the resolutions of shadows are set. */
+    /* Upper bound of the context's memory during sps_render, with image.depth and what is held. It excludes layers of
+       pixels and texels, and lists of maps, which may be several times as much. Within twice the use if volumes are
+       cached, unless no triangle meets a light's depth map, or scattered light is cached, too. Otherwise volumes
+       count as full boxes. */
     size_t bytes;
 } sps_plan_report;
 
@@ -926,10 +925,10 @@ SPS_API const char *sps_error(const sps_context *context);
    SPS_ERROR_ARGUMENT if context is NULL. */
 SPS_API void sps_get_error(const sps_context *context, sps_error_info *info);
 
-/* Reports the passes of sps_render for this scene and view, and why. Calls range_fn, but reads no voxels, triangles or
-   particles: with particles, slab_count is of the volumes alone, and shadow_width and shadow_height are bounds. Volumes
-   count as full boxes, so UNSUPPORTED (SPS_SHADOW_SHEETS) or too many slabs may occur where sps_render succeeds.
-   `report` is zeroed on failure. Errors: ARGUMENT, MEMORY, CALLBACK (range_fn), UNSUPPORTED. */
+/* Reports the passes of sps_render for this scene and view, and why. Reads particles and calls range_fn, but reads no
+   voxels or triangles. Volumes that are not cached count as full boxes, so UNSUPPORTED (SPS_SHADOW_SHEETS) or too many
+   slabs may occur where sps_render succeeds. `report` is zeroed on failure. Errors: ARGUMENT, MEMORY, CALLBACK
+   (range_fn, particles' read_fn), DATA (particles), UNSUPPORTED. */
 SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
                             sps_plan_report *report);
 
@@ -1852,8 +1851,8 @@ struct sps_context {
     int cancelled;      /* progress_fn returned non-zero; acts at the next spsi_progress */
     double clock_start; /* start of the call, by clock_fn */
     double ticked;      /* last call of progress_fn, by clock_fn or SPS_CLOCK */
-    int counts_only;    /* 1: spsi_reserve only adds to `counted`, for a plan */
-    size_t counted;
+    size_t *counted;    /* if set, spsi_reserve only adds bytes to it, for a plan */
+    size_t planned[SPSI_BUFFER_COUNT]; /* bytes counted so far */
     spsi_link *links; /* latest first */
     spsi_buffer buffers[SPSI_BUFFER_COUNT];
     int segment_count; /* cached, >>gather */
@@ -2130,10 +2129,15 @@ static void spsi_bytes_add(size_t *bytes, size_t count, size_t size) {
     *bytes = count > (SIZE_MAX - *bytes) / size ? SIZE_MAX : *bytes + count * size;
 }
 
-/* Reserves a numbered buffer. While a plan counts bytes, returns NULL without an error. */
+/* Reserves a numbered buffer. For a plan, it only counts the bytes beyond earlier counts of the buffer, and returns
+   NULL without an error. */
 SPSI_COLD void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count, size_t size) {
-    if (!context->counts_only) return spsi_buffer_reserve(context, &context->buffers[id], count, size);
-    spsi_bytes_add(&context->counted, count, size);
+    size_t bytes = SPSI_LINK_BYTES;
+    if (!context->counted) return spsi_buffer_reserve(context, &context->buffers[id], count, size);
+    spsi_bytes_add(&bytes, count > 0 ? count : 1, size);
+    if (bytes <= context->planned[id]) return NULL;
+    spsi_bytes_add(context->counted, bytes - context->planned[id], 1);
+    context->planned[id] = bytes;
     return NULL;
 }
 
@@ -3798,7 +3802,7 @@ typedef struct spsi_projection {
 /* Reason for sheets or a map. */
 typedef enum spsi_choice {
     SPSI_CHOICE_CALLER, /* set by the caller */
-    SPSI_CHOICE_OPEN,   /* undecided, sheets so far, >>shadows */
+    SPSI_CHOICE_OPEN,   /* undecided, >>shadows */
     SPSI_CHOICE_SHEETS,
     SPSI_CHOICE_TABLE_IN_GAS, /* light in or near the medium: no slabs */
     SPSI_CHOICE_TABLE_CAMERA, /* no slabs suit both light and camera */
@@ -14620,18 +14624,16 @@ SPSI_COLD sps_result spsi_shadow_table_fill(sps_context *context, const spsi_lig
 
 /* --- size of a light's map, before anything is read --- */
 
-/* Maximum texels: of all faces, and along a side. Particles have not been read. A light inside the boxes may be in
-   front of the gas. Its single face then spans 2 tan 78 degrees times a distance up to sqrt(3) times that along an
-   axis. */
+/* Maximum texels: of all faces, and along a side. A light inside the boxes may be in front of the gas. Its single face
+   then spans 2 tan 78 degrees times a distance up to sqrt(3) times that along an axis. */
 SPSI_COLD size_t spsi_light_tmap_texels(const spsi_frame *frame, const spsi_light *light, size_t *side) {
     spsi_rays rays[SPSI_CUBE_FACES];
     const size_t most = (size_t)(light->map_size > 0 ? light->map_size : spsi_map_texels_most(frame, light));
-    const int known = frame->particles.set_count == 0;
-    const int faces = known ? spsi_light_rays(frame, light, rays) : 0;
+    const int faces = spsi_light_rays(frame, light, rays);
     *side = most;
     if (faces == 1) {
         *side = (size_t)spsi_imax(rays[0].width, rays[0].height);
-        return spsi_ray_count(&rays[0]);
+        return light->map_size > 0 ? *side * *side : spsi_ray_count(&rays[0]);
     }
     if (faces == 0) return most * most * (light->is_point ? SPSI_CUBE_FACES : 1);
     const size_t six = SPSI_CUBE_FACES * spsi_ray_count(&rays[0]);
@@ -14643,34 +14645,43 @@ SPSI_COLD size_t spsi_light_tmap_texels(const spsi_frame *frame, const spsi_ligh
     return *side * *side > six ? *side * *side : six;
 }
 
-/* Upper bound of a table's planes, which are a texel apart in mid-depth, or two thirds of one. */
+/* Upper bound of a table's planes, which are a texel apart in mid-depth, or two thirds of one. Texels are known unless
+   the caller sets their number. */
 SPSI_COLD size_t spsi_light_table_planes(const spsi_frame *frame, const spsi_light *light) {
     const spsi_technique *technique = &spsi_techniques[SPS_TMAP_TABLE];
     const int is_table = spsi_has_shadow_table(light);
     double across[3];
     if (is_table && light->map.components > 0) return (size_t)light->map.components;
-    if (frame->particles.set_count > 0) return (size_t)technique->usual;
+    if (light->map_size > 0) return (size_t)technique->usual;
     spsi_along(frame->content->bounds.high, frame->content->bounds.low, -1, across);
     const double planes = ceil((is_table ? 2 : 3) * spsi_length(across) / spsi_light_texel(frame, light));
     return (size_t)spsi_dmin(planes + technique->least, technique->usual);
 }
 
 /* Bytes of a light's table, and of filling it, without lists and their fits, whose length is unknown. */
+static void spsi_table_bytes(const spsi_frame *frame, const spsi_light *light, const spsi_light_grid *grid,
+                             size_t texels, size_t planes, size_t *held, size_t *filling) {
+    const size_t tiles = (size_t)spsi_tile_columns(&grid->rays[0]) * (size_t)spsi_tile_rows(&grid->rays[0]);
+    const int is_table = spsi_has_shadow_table(light), lists = spsi_techniques[light->map.technique].lists > 0;
+    const size_t components = is_table ? planes : (size_t)spsi_components_of(&light->map);
+    sps_tmap map;
+    map.grid = *grid;
+    *held = 2 * sizeof(spsi_shadow_table) + texels * planes * sizeof(uint32_t); /* also the cached table */
+    *filling = sizeof(spsi_map_volumes) + spsi_band_floats(&map, (int)components + 2) * sizeof(float);
+    if (!is_table) *filling += (texels + 1) * (lists ? 1 : components) * sizeof(float);
+    *filling += (size_t)frame->content->particle_count *
+                (sizeof(spsi_sphere) + (SPSI_SPHERE_TILES + (size_t)lists) * sizeof(uint32_t));
+    *filling += (tiles * (1 + SPSI_SPHERE_TILES) + 2) * sizeof(uint32_t);
+}
+
+/* Upper bound before gas is read. */
 SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *light, size_t *held, size_t *filling) {
     size_t side;
     const size_t texels = spsi_light_tmap_texels(frame, light, &side);
-    const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
-    const size_t planes = spsi_light_table_planes(frame, light);
-    const int is_table = spsi_has_shadow_table(light), lists = spsi_techniques[light->map.technique].lists > 0;
-    const size_t components = is_table ? planes : (size_t)spsi_components_of(&light->map);
-    *held = 2 * sizeof(spsi_shadow_table) + (texels + 1) * planes * sizeof(float); /* also the cached table */
-    *held += SPSI_CUBE_FACES * SPSI_SHADOW_TABLE_SIDE * (side + 16) * planes * sizeof(float); /* blocks beyond edges */
-    *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
-    if (!is_table)
-        *filling += (texels + 1) * (lists ? 1 : components) * sizeof(float);
-    *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
-    *filling += frame->particles.count * (sizeof(spsi_sphere) + (SPSI_SPHERE_TILES + (size_t)lists) * sizeof(uint32_t));
-    *filling += (tiles * tiles * (1 + SPSI_SPHERE_TILES) + 2) * sizeof(uint32_t);
+    const size_t blocks = SPSI_CUBE_FACES * SPSI_SHADOW_TABLE_SIDE * (side + 16); /* beyond two edges */
+    spsi_light_grid grid;
+    grid.rays[0].width = grid.rays[0].height = (int)side;
+    spsi_table_bytes(frame, light, &grid, texels + blocks, spsi_light_table_planes(frame, light), held, filling);
 }
 
 /* ============================================================================================ >>penumbrae
@@ -15000,30 +15011,24 @@ static void spsi_beam_stop(sps_context *context, const spsi_faces *faces, spsi_b
         }
 }
 
-static sps_result spsi_penumbra_open(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
-                                     const spsi_rays *rays, spsi_penumbra *penumbra) {
-    memset(penumbra, 0, sizeof *penumbra);
-    penumbra->rays = rays;
-    penumbra->slabs = &sweep->slabs;
-    penumbra->end = spsi_light_end(frame);
-    penumbra->tiles_x = spsi_tile_columns(rays);
-    penumbra->tiles_y = spsi_tile_rows(rays);
-    penumbra->beam_count = sweep->light->point_count;
-    penumbra->beams =
-        (spsi_beam *)spsi_reserve(context, SPSI_BUFFER_BEAMS, (size_t)penumbra->beam_count, sizeof *penumbra->beams);
-    return context->result;
-}
-
 SPSI_COLD sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                        spsi_penumbra *penumbra) {
     const spsi_light *light = sweep->light;
-    if (spsi_penumbra_open(context, frame, sweep, &sweep->rays, penumbra)) return context->result;
-    for (int i = 0; i < light->point_count; ++i)
+    memset(penumbra, 0, sizeof *penumbra);
+    penumbra->rays = &sweep->rays;
+    penumbra->slabs = &sweep->slabs;
+    penumbra->end = spsi_light_end(frame);
+    penumbra->tiles_x = spsi_tile_columns(penumbra->rays);
+    penumbra->tiles_y = spsi_tile_rows(penumbra->rays);
+    penumbra->beam_count = light->point_count;
+    penumbra->beams =
+        (spsi_beam *)spsi_reserve(context, SPSI_BUFFER_BEAMS, (size_t)penumbra->beam_count, sizeof *penumbra->beams);
+    for (int i = 0; i < light->point_count && penumbra->beams; ++i)
         if (!spsi_beam_aim(frame, sweep, &light->points[i], &penumbra->beams[i]))
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, light->index, "", 0,
                                   "is so wide or so close that some of its points have gas beside or behind them; make "
                                   "it smaller, move it away, or set shadow_source or no_shadow on it");
-    return SPS_OK;
+    return context->result;
 }
 
 /* `memory` NULL: only counts. */
@@ -22658,45 +22663,22 @@ static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *gr
 static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *grid) {
     const size_t each =
         sizeof(spsi_emitter) + sizeof(spsi_flight_node) + sizeof(int) + sizeof(spsi_tree_item) + sizeof(spsi_tree_node);
-    size_t bricks = 0, count = frame->matter.emits ? 2 * frame->particles.count : 0;
+    size_t bricks = 0, voxels = 0, count = frame->matter.emits ? 2 * frame->particles.count : 0;
     for (int i = 0; i < frame->medium_count; ++i) {
         const int *size = frame->media[i].given.size;
         const size_t across = (size_t)(size[0] / SPSI_BRICK + 1), up = (size_t)(size[1] / SPSI_BRICK + 1);
-        if (frame->matter.materials[frame->media[i].channel].emits)
-            bricks += across * up * (size_t)(size[2] / SPSI_BRICK + 1);
+        if (!frame->matter.materials[frame->media[i].channel].emits) continue;
+        bricks += across * up * (size_t)(size[2] / SPSI_BRICK + 1);
+        voxels += (size_t)size[0] * (size_t)size[1] * (size_t)size[2];
     }
-    if (bricks > 0) count += bricks > SPSI_EMITTERS_MOST ? bricks : SPSI_EMITTERS_MOST;
+    if (voxels > SPSI_EMITTERS_MOST) voxels = bricks > SPSI_EMITTERS_MOST ? bricks : SPSI_EMITTERS_MOST;
+    count += voxels;
     for (int i = 0; i < frame->lights.count; ++i)
         if (spsi_light_has_beam(&frame->lights.list[i]))
             count += (spsi_beam_steps(grid) + 1) * SPSI_BEAM_RINGS * SPSI_BEAM_RINGS;
     count += spsi_emitting_cells(frame) + (size_t)(grid->size[0] * grid->size[1]);
     count += 2 * SPSI_FLIGHT_TREES; /* nodes of empty trees */
     return spsi_cells_fly(frame) ? SPSI_FLIGHT_TREES * sizeof(spsi_flights) + count * each : 0;
-}
-
-/* Upper bound: all grids are cubes. */
-SPSI_COLD size_t spsi_cells_bytes(const spsi_frame *frame) {
-    const int side = frame->view.scattering_resolution;
-    size_t floats, bytes = sizeof(spsi_cell_job) + SPSI_CELL_GRIDS * sizeof(spsi_cell_grid);
-    spsi_cell_grid grid;
-    spsi_cell_solver solver;
-    memset(&grid, 0, sizeof grid);
-    grid.size[0] = grid.size[1] = grid.size[2] = side;
-    spsi_cells_lay_out(frame, &grid);
-    floats = spsi_cell_job_floats(frame, &grid) * grid.count + spsi_cell_solver_size(&grid, &solver);
-    floats += SPSI_CELL_GRIDS * spsi_cell_grid_lay_out(frame, &grid, NULL);
-    if (grid.flux_terms > 0) /* polygons receive light from cells */
-        floats += grid.count * (sizeof(spsi_cell_wall) / sizeof(float)) +
-                  spsi_ray_count(&frame->content->eye) * (size_t)frame->channels;
-    for (int i = 0; i < frame->lights.count; ++i) {
-        spsi_light coarse = frame->lights.list[i];
-        size_t held, filling;
-        if (!coarse.shadows || coarse.has_map) continue;
-        spsi_cells_map_light(spsi_cell_texels(frame), NULL, &coarse);
-        spsi_light_tmap_bytes(frame, &coarse, &held, &filling);
-        bytes += sizeof(spsi_shadow_table) + held + filling;
-    }
-    return bytes + floats * sizeof(float) + spsi_flights_bytes(frame, &grid);
 }
 
 /* Returns 0 if the light may change without notice. */
@@ -23340,6 +23322,68 @@ SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
+/* Bytes of a light's map for a plan: of the map itself once gas is read. */
+static void spsi_plan_tmap_bytes(sps_context *context, const spsi_frame *frame, const spsi_light *light, int is_read,
+                                 size_t *held, size_t *filling) {
+    spsi_shadow_table table;
+    *held = *filling = 0;
+    if (!is_read)
+        spsi_light_tmap_bytes(frame, light, held, filling);
+    else if (!spsi_bounds_empty(spsi_light_bounds(frame, light)) &&
+             !spsi_shadow_table_aim(context, frame, light, &table))
+        spsi_table_bytes(frame, light, &table.grid,
+                         (size_t)spsi_shadow_table_blocks(&table.grid) * SPSI_SHADOW_TABLE_TEXELS, (size_t)table.planes,
+                         held, filling);
+}
+
+/* Places grids for a plan. Until everything is read, all are cubes. */
+static int spsi_cells_plan_grids(const sps_context *context, const spsi_frame *frame, int is_read,
+                                 spsi_cell_grid *grids) {
+    const spsi_bounds bounds = frame->content->bounds;
+    spsi_groups groups;
+    if (is_read) {
+        const int count = spsi_cells_place_all(context, frame, &groups, grids);
+        frame->content->bounds = bounds;
+        return count;
+    }
+    for (int n = 0; n < SPSI_CELL_GRIDS; ++n) {
+        memset(&grids[n], 0, sizeof grids[n]);
+        for (int k = 0; k < 3; ++k) grids[n].size[k] = frame->view.scattering_resolution;
+        spsi_cells_lay_out(frame, &grids[n]);
+    }
+    return SPSI_CELL_GRIDS;
+}
+
+/* Counts cells for a plan. */
+SPSI_COLD void spsi_cells_count(sps_context *context, const spsi_frame *frame, int is_read, size_t *bytes) {
+    spsi_cell_grid grids[SPSI_CELL_GRIDS];
+    const int count = spsi_cells_plan_grids(context, frame, is_read, grids);
+    spsi_cell_solver solver;
+    size_t flights = 0;
+    context->counted = bytes;
+    spsi_reserve(context, SPSI_BUFFER_CELL_GRID, SPSI_CELL_GRIDS, sizeof *grids);
+    spsi_reserve(context, SPSI_BUFFER_CELL_JOB, 1, sizeof(spsi_cell_job));
+    spsi_cells_reserve(context, frame, grids, count);
+    for (int n = 0; n < count; ++n) {
+        const spsi_cell_grid *grid = &grids[n];
+        spsi_reserve(context, SPSI_BUFFER_CELLS, spsi_cell_job_floats(frame, grid) * grid->count, sizeof(float));
+        spsi_cell_solver_build(context, grid, &solver);
+        if (grid->flux_terms > 0) spsi_reserve(context, SPSI_BUFFER_CELL_WALLS, grid->count, sizeof(spsi_cell_wall));
+        const size_t own = spsi_flights_bytes(frame, grid);
+        flights = own > flights ? own : flights;
+    }
+    if (flights > 0) spsi_reserve(context, SPSI_BUFFER_FLIGHTS, 1, flights);
+    context->counted = NULL;
+    for (int i = 0; i < frame->lights.count; ++i) {
+        spsi_light coarse = frame->lights.list[i];
+        size_t held, filling;
+        if (!coarse.shadows || spsi_has_shadow_table(&coarse)) continue;
+        spsi_cells_map_light(spsi_cell_texels(frame), NULL, &coarse);
+        spsi_plan_tmap_bytes(context, frame, &coarse, is_read, &held, &filling);
+        spsi_bytes_add(bytes, held + filling, 1);
+    }
+}
+
 SPSI_COLD size_t spsi_spreads_bytes(const spsi_frame *frame) {
     size_t floats = 0, most = 0;
     for (int i = 0; i < frame->lights.count; ++i) {
@@ -23775,16 +23819,17 @@ SPSI_COLD void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
     }
 }
 
-/* True if a light's table is cached. `gas`: fingerprint of the medium. */
-SPSI_COLD int spsi_table_is_cached(sps_context *context, const spsi_frame *frame, const spsi_light *light,
-                                   uint64_t gas) {
+/* Bytes of a light's table if it is cached, or 0. `gas`: fingerprint of the medium. */
+SPSI_COLD size_t spsi_table_cached_bytes(sps_context *context, const spsi_frame *frame, const spsi_light *light,
+                                         uint64_t gas) {
     const spsi_shadow_table *held = (const spsi_shadow_table *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     spsi_shadow_table table;
     if (!gas || !spsi_has_shadow_table(light) || context->shadow_table_count == 0) return 0;
+    if (spsi_bounds_empty(spsi_light_bounds(frame, light))) return 0; /* volumes are empty */
     if (spsi_shadow_table_aim(context, frame, light, &table)) return 0;
     const uint64_t key = spsi_shadow_table_key(frame, &table, gas);
     for (int i = 0; i < context->shadow_table_count; ++i)
-        if (held[i].key == key) return 1;
+        if (held[i].key == key) return held[i].pairs.size;
     return 0;
 }
 
@@ -23792,10 +23837,9 @@ SPSI_COLD int spsi_table_is_cached(sps_context *context, const spsi_frame *frame
 SPSI_COLD void spsi_work_add_maps(sps_context *context, const spsi_frame *frame, uint64_t gas, spsi_work *work) {
     for (int i = 0; i < frame->lights.count; ++i) {
         const spsi_light *light = &frame->lights.list[i];
-        const int is_empty = spsi_bounds_empty(spsi_light_bounds(frame, light)); /* volumes are empty */
         size_t side;
-        if (!light->has_map || spsi_uses_cells(frame) || (is_empty && frame->particles.set_count == 0)) continue;
-        if (!is_empty && spsi_table_is_cached(context, frame, light, gas)) {
+        if (!light->has_map || spsi_uses_cells(frame) || spsi_bounds_empty(spsi_light_bounds(frame, light))) continue;
+        if (spsi_table_cached_bytes(context, frame, light, gas)) {
             work->tables_held = 1;
             continue;
         }
@@ -24436,8 +24480,9 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
 }
 
 /* ================================================================================================= >>plan
-   39 A scene's passes, and why each runs or not. Call counts are exact, bytes are upper bounds. Bounds follow from
-   range_fn and from numbers of triangles and particles, without reading. */
+   39 A scene's passes, and why each runs or not. Call counts are exact, bytes are upper bounds: the same reservations
+   are counted as rendering makes. Volumes count as their blocks in range, triangles by their number; particles are
+   read. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
     "gather",      "projectors", "eye polygons", "layers",     "textures",  "light polygons", "triangle tree",
@@ -24446,7 +24491,8 @@ static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
 
 /* Blocks to be read, with upper bounds. */
 typedef struct spsi_reading {
-    int held; /* 1: voxels are cached by an earlier call */
+    int held;  /* 1: voxels are cached by an earlier call */
+    int known; /* 1: gas is known, since voxels are cached or there are none */
     uint64_t blocks, bricks, voxels_kept;
     uint64_t bricks_of[SPSI_VOLUMES_MAX], voxels_of[SPSI_VOLUMES_MAX]; /* per medium */
 } spsi_reading;
@@ -24455,8 +24501,12 @@ SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *f
                                        spsi_reading *reading) {
     memset(reading, 0, sizeof *reading);
     reading->held = spsi_volumes_cached(context, frame);
-    if (reading->held) spsi_bricks_bounds(context, frame, &frame->content->bounds);
-    if (reading->held) return SPS_OK;
+    reading->known = reading->held || (frame->medium_count == 0 && context->brick_count == 0);
+    if (reading->held) {
+        reading->bricks = (uint64_t)context->brick_count;
+        spsi_bricks_bounds(context, frame, &frame->content->bounds);
+        return SPS_OK;
+    }
     for (int medium = 0; medium < frame->medium_count; ++medium) {
         const int64_t count = spsi_block_count(&frame->media[medium]);
         for (int64_t i = 0; i < count; ++i) {
@@ -24513,133 +24563,49 @@ SPSI_COLD sps_result spsi_plan_pyramids(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-static void spsi_plan_take(sps_context *context, sps_plan_report *report, sps_pass pass) {
-    if (context->counted > report->pass[pass].bytes) report->pass[pass].bytes = context->counted;
-    context->counted = 0;
-}
-
 /* Lists grow by half, with old and new in memory. */
 SPSI_COLD void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     const uint64_t whole = SPSI_BRICK * SPSI_BRICK * SPSI_BRICK;
     const uint64_t segments = reading->voxels_kept / (SPSI_SEGMENT - whole + 1) + 1;
     int at_once = 0;
+    for (int i = 0; i < frame->medium_count && !reading->held; ++i) /* even if no block is relevant */
+        at_once = spsi_imax(at_once, spsi_blocks_at_once(context, &frame->media[i]));
+    spsi_reserve(context, SPSI_BUFFER_BLOCKS, (size_t)at_once, sizeof(spsi_voxels));
     if (reading->blocks > 0) {
         spsi_reserve(context, SPSI_BUFFER_SEGMENTS, (size_t)segments, sizeof(spsi_segment) + 3 * sizeof(void *));
         spsi_reserve(context, SPSI_BUFFER_BRICKS, (size_t)reading->bricks + 2, 3 * sizeof(spsi_brick));
     }
-    for (int i = 0; i < frame->medium_count; ++i)
-        at_once = spsi_imax(at_once, spsi_blocks_at_once(context, &frame->media[i]));
-    spsi_reserve(context, SPSI_BUFFER_BLOCKS, (size_t)at_once, sizeof(spsi_voxels));
     spsi_reserve(context, SPSI_BUFFER_PARTICLES, frame->particles.count, sizeof(sps_particle));
     if (spsi_pyramids_wanted(frame)) spsi_pyramids_count(context, frame, reading->bricks_of);
 }
 
-/* Maximum texels on a side. Particles are unread, so rendering may use other bounds. */
-SPSI_COLD size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep *sweep) {
-    const int planned = spsi_imax(sweep->rays.width, sweep->rays.height);
-    if (frame->particles.set_count == 0) return (size_t)planned;
-    return (size_t)spsi_imax(2, frame->view.shadow_resolution > 0 ? frame->view.shadow_resolution
-                                                                  : spsi_light_texels_most(frame));
-}
-
-/* Reading may change volumes' slabs a little, particles' arbitrarily. */
+/* Reading may change volumes' slabs a little. */
 static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
                                      uint64_t bricks) {
-    const int particles = (int)frame->particles.count;
-    const int chunks = particles > 0 ? SPSI_SLABS_MAX / SPSI_CHUNK : 2 * spsi_chunk_count(slabs) + 1;
+    const int particles = frame->content->particle_count, chunks = 2 * spsi_chunk_count(slabs) + 1;
     spsi_contents contents;
     spsi_reserve(context, SPSI_BUFFER_BRICK_BOXES, (size_t)bricks, 2 * sizeof(int16_t[4]));
     spsi_queue_reserve(context, SPSI_BUFFER_BRICK_QUEUE, (int)bricks, chunks, &contents.bricks);
     if (particles > 0) spsi_queue_reserve(context, SPSI_BUFFER_PARTICLE_QUEUE, particles, chunks, &contents.particles);
 }
 
-/* Counts penumbrae even if they may turn out sharp. Until contents are known, beams are twice as wide as sheets, their
-   maximum unless shadow_resolution is set. */
+/* Counts penumbrae even if they may turn out sharp. Until voxels are read, beams are twice as wide as sheets. */
 SPSI_COLD sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
-                                              sps_plan_report *report) {
+                                              const spsi_reading *reading, sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0;
     spsi_penumbra penumbra;
-    spsi_rays rays;
-    report->pass[SPS_PASS_PENUMBRAE].runs += sweep->soft || frame->particles.set_count > 0 || polygons;
-    if (frame->particles.set_count == 0 && spsi_penumbra_aim(context, frame, sweep, &penumbra)) return context->result;
-    if (frame->particles.set_count > 0 || !spsi_volumes_cached(context, frame)) {
-        rays.width = rays.height = (int)spsi_plan_light_side(frame, sweep);
-        if (spsi_penumbra_open(context, frame, sweep, &rays, &penumbra)) return context->result;
-        for (int i = 0; i < penumbra.beam_count; ++i)
-            penumbra.beams[i].rays.width = penumbra.beams[i].rays.height = 2 * rays.width + 8;
-    }
-    context->counts_only = 1;
+    spsi_rays rays = sweep->rays;
+    report->pass[SPS_PASS_PENUMBRAE].runs += sweep->soft || polygons;
+    if (spsi_penumbra_aim(context, frame, sweep, &penumbra)) return context->result;
+    rays.width = rays.height = spsi_imax(rays.width, rays.height);
+    if (!reading->known) penumbra.rays = &rays;
+    for (int i = 0; i < penumbra.beam_count && !reading->known; ++i)
+        penumbra.beams[i].rays.width = penumbra.beams[i].rays.height = 2 * rays.width + 8;
+    context->counted = &report->pass[SPS_PASS_PENUMBRAE].bytes;
     spsi_reserve(context, SPSI_BUFFER_BEAMS, (size_t)penumbra.beam_count, sizeof(spsi_beam));
     spsi_floats_reserve(context, SPSI_BUFFER_PENUMBRA, spsi_penumbra_lay_out(context, &penumbra, polygons, NULL));
-    context->counts_only = 0;
-    spsi_plan_take(context, report, SPS_PASS_PENUMBRAE);
+    context->counted = NULL;
     return SPS_OK;
-}
-
-/* --- sheets or tables --- */
-
-/* True if slabs about the camera's axis serve a directional light for any medium. */
-SPSI_COLD int spsi_axis_serves(const spsi_frame *frame, const spsi_light *light) {
-    double axis[3], toward[3];
-    spsi_sweep sweep;
-    if (light->is_point) return 0;
-    spsi_sweep_clear(frame, light, 0, &sweep);
-    spsi_eye_axis(&frame->content->eye, axis);
-    spsi_sweep_turn(frame, axis, &sweep);
-    for (int i = 0; i < 3; ++i) toward[i] = sweep.back_to_front ? -sweep.slabs.normal[i] : sweep.slabs.normal[i];
-    return sweep.cosine_of_light >= SPSI_COSINE_MIN &&
-           spsi_cosine_to_corners(toward, &frame->content->eye) >= SPSI_COSINE_EVEN;
-}
-
-/* Leaves open everything that depends on particles. */
-SPSI_COLD void spsi_plan_choices(sps_context *context, spsi_frame *frame) {
-    int open = 0, sliced = 0;
-    spsi_choose_shadows(context, frame);
-    if (frame->particles.set_count == 0) return;
-    spsi_lights_list(&frame->lights, frame->lights.whole, frame->lights.whole_count);
-    for (int i = 0; i < frame->lights.count; ++i) {
-        spsi_light *light = &frame->lights.list[i];
-        const int is_known = light->choice == SPSI_CHOICE_CALLER ||
-                             ((open + sliced == 0 || light->extent.exists) && spsi_axis_serves(frame, light));
-        if (!is_known || light->choice == SPSI_CHOICE_OPEN)
-            light->choice = is_known ? SPSI_CHOICE_SHEETS : SPSI_CHOICE_OPEN;
-        light->has_map |= !is_known; /* besides sheets */
-        if (light->extent.exists && light->has_map) light->tables = spsi_light_tables(light);
-        open += !is_known;
-        sliced += is_known && light->sliced;
-    }
-}
-
-static int spsi_plan_tables(const spsi_frame *frame, const spsi_light *light) {
-    return frame->lights.list == frame->lights.whole ? spsi_imax(1, light->tables) : 1;
-}
-
-SPSI_COLD int spsi_plan_sliced_count(const spsi_frame *frame) {
-    int count = 0;
-    for (int i = 0; i < frame->lights.count; ++i)
-        count += frame->lights.list[i].sliced || frame->lights.list[i].choice == SPSI_CHOICE_OPEN;
-    return count;
-}
-
-/* Without sheets, the image's parts in the region. Particles may need all four if the camera is wide. */
-SPSI_COLD int spsi_plan_sweep_count(const spsi_frame *frame) {
-    const int sliced = spsi_plan_sliced_count(frame);
-    int parts = 0, part[4], sheets = 0;
-    for (int i = 0; i < frame->lights.count; ++i)
-        sheets |= frame->lights.list[i].sliced && frame->lights.list[i].choice != SPSI_CHOICE_OPEN;
-    for (int n = 0; n < spsi_subslab_count(frame); ++n) {
-        spsi_subslab_place(frame, n, part);
-        parts += spsi_subslab_meets(part, frame->view.region);
-    }
-    if (frame->particles.set_count > 0 && !sheets) parts = spsi_eye_is_wide(frame) ? 4 : 1;
-    return spsi_imax(parts, sliced);
-}
-
-/* Upper bound of spsi_sweep_shadow_count. */
-SPSI_COLD int spsi_plan_shadow_count(const spsi_frame *frame, int n) {
-    int open = 0;
-    for (int i = 0; i < frame->lights.count; ++i) open |= frame->lights.list[i].choice == SPSI_CHOICE_OPEN;
-    return open && n == 0 ? frame->lights.shadow_count : spsi_sweep_shadow_count(frame, n);
 }
 
 /* --- sweeps --- */
@@ -24687,46 +24653,65 @@ SPSI_COLD int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_
     return 0;
 }
 
-SPSI_COLD sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
-                                           int n, uint64_t bricks, spsi_run *run, sps_plan_report *report) {
-    const size_t side = spsi_plan_light_side(frame, sweep), particles = frame->particles.count;
+/* Depth maps of a sweep, or of all lights at once for cells (`sweep` NULL). Until volumes are read, a light's may have
+   one face or six. */
+static void spsi_plan_depth_maps(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep, int is_read,
+                                 sps_plan_report *report) {
+    const int size = spsi_depth_map_size(frame);
+    const double texel = sweep ? spsi_depth_map_texel(frame) : 0;
+    uint64_t floats = 0;
+    for (int i = 0; i < frame->lights.count && frame->meshes.triangle_count > 0 && frame->matter.scatters; ++i) {
+        const spsi_light *light = &frame->lights.list[i];
+        spsi_depth_map map;
+        if (!light->shadows || (sweep && !(light->sliced ? light == sweep->light : sweep->first))) continue;
+        if (is_read && sweep && sweep->soft && light == sweep->light) continue;
+        spsi_depth_map_aim(frame, light, size, texel, &map);
+        floats += is_read ? spsi_depth_map_lay_out(&map, NULL, NULL) : spsi_depth_map_floats_most((size_t)size);
+    }
+    context->counted = &report->pass[SPS_PASS_LIGHT_POLYGONS].bytes;
+    spsi_floats_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats);
+    context->counted = NULL;
+}
+
+/* Counts a sweep's bytes and passes. */
+SPSI_COLD sps_result spsi_plan_sweep(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                     const spsi_reading *reading, spsi_run *run, sps_plan_report *report) {
+    const size_t particles = (size_t)frame->content->particle_count;
     const spsi_rays *eye = &frame->content->eye;
     const spsi_shape shape = spsi_shape_of(frame, 1); /* lights have no more channels */
-    spsi_rays square;                                 /* the light's maximum */
+    spsi_rays rays = sweep->rays;
     spsi_lists lists;
-    square.width = square.height = (int)side;
+    if (!reading->known) rays.width = rays.height = spsi_imax(rays.width, rays.height); /* boxes may turn */
     run->shader.frame = frame;
     run->shader.sweep = sweep;
-    run->shader.shadow_count = spsi_imax(1, spsi_plan_shadow_count(frame, n));
-    context->counts_only = 1;
+    run->shader.shadow_count = spsi_imax(1, spsi_sweep_shadow_count(frame, !sweep->first));
+    context->counted = &report->pass[SPS_PASS_EYE_SHEETS].bytes;
     spsi_run_region(context, run);
     spsi_run_scratch(context, run);
     spsi_begin_total(context, frame);
-    spsi_plan_contents_bytes(context, frame, &sweep->slabs, bricks);
+    spsi_plan_contents_bytes(context, frame, &sweep->slabs, reading->bricks);
     spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)run->shader.shadow_count, sizeof(spsi_shadow));
     spsi_reserve(context, SPSI_BUFFER_SHEETS, (size_t)spsi_worker_count(context),
                  spsi_sheet_tiles(frame) * spsi_shape_floats(&shape) * sizeof(float) + 7 * sizeof(uint64_t));
     if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_EYE_SPHERES, eye, particles, &lists);
-    if (spsi_may_interpolate(frame))
-        spsi_reserve(context, SPSI_BUFFER_EYE_SPENT, 1, spsi_spent_bytes(eye) + spsi_spent_bytes(&square));
-    spsi_plan_take(context, report, SPS_PASS_EYE_SHEETS);
+    if (spsi_may_interpolate(frame)) spsi_reserve(context, SPSI_BUFFER_EYE_SPENT, 1, spsi_spent_bytes(eye));
+    context->counted = &report->pass[SPS_PASS_LIGHT_SHEETS].bytes;
     if (sweep->light) {
-        spsi_reserve(context, SPSI_BUFFER_PLANES, side * side + spsi_list_starts(&square), SPSI_PLANES_TEXEL_BYTES);
-        if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_LIGHT_SPHERES, &square, particles, &lists);
-        spsi_plan_take(context, report, SPS_PASS_LIGHT_SHEETS);
+        spsi_reserve(context, SPSI_BUFFER_PLANES, spsi_ray_count(&rays) + spsi_list_starts(&rays),
+                     SPSI_PLANES_TEXEL_BYTES);
+        if (spsi_may_interpolate(frame)) spsi_reserve(context, SPSI_BUFFER_LIGHT_SPENT, 1, spsi_spent_bytes(&rays));
+        if (particles > 0) spsi_lists_reserve(context, SPSI_BUFFER_LIGHT_SPHERES, &rays, particles, &lists);
     }
-    context->counts_only = 0;
+    spsi_plan_depth_maps(context, frame, sweep, reading->known, report);
     report->slab_count = spsi_imax(report->slab_count, frame->medium_count > 0 ? sweep->slabs.count : 0);
     spsi_plan_filling(frame, eye, &sweep->slabs, SPSI_TARGET_EYE, !sweep->first, &report->eye_gathered,
                       &report->eye_filling);
     if (!sweep->light) return SPS_OK;
-    if (sweep->light->extent.exists && spsi_plan_penumbra_bytes(context, frame, sweep, report)) return context->result;
     spsi_plan_filling(frame, &sweep->rays, &sweep->slabs, SPSI_TARGET_SHEETS, !sweep->first, &report->light_gathered,
                       &report->light_filling);
-    report->shadow_width = spsi_imax(report->shadow_width, frame->particles.set_count ? (int)side : sweep->rays.width);
-    report->shadow_height =
-        spsi_imax(report->shadow_height, frame->particles.set_count ? (int)side : sweep->rays.height);
-    return SPS_OK;
+    report->shadow_width = spsi_imax(report->shadow_width, sweep->rays.width);
+    report->shadow_height = spsi_imax(report->shadow_height, sweep->rays.height);
+    return sweep->light->extent.exists ? spsi_plan_penumbra_bytes(context, frame, sweep, reading, report) : SPS_OK;
 }
 
 SPSI_COLD void spsi_plan_pass(sps_plan_report *report, sps_pass pass, int runs, const char *why, const char *why_not) {
@@ -24748,15 +24733,15 @@ SPSI_COLD void spsi_plan_gather_pass(const spsi_frame *frame, const spsi_reading
 /* First of the library's reasons, or the caller's. */
 SPSI_COLD const char *spsi_plan_map_reason(const spsi_frame *frame) {
     static const char *const reasons[] = {"lights have a shadow_map or SPS_SHADOW_TABLE",
-                                          "a table, if particles turn out to call for one",
+                                          "",
                                           "",
                                           "a table: the light is in the gas",
                                           "a table: no slabs serve both the light and so wide a camera",
                                           "tables that an area light's points share: no slabs serve it; steps show",
                                           "a table: the light shares the sweep of another",
                                           "a table: it serves the light in the cells, too"};
-    for (int choice = SPSI_CHOICE_OPEN; choice <= SPSI_CHOICE_TABLE_AGAIN; ++choice)
-        for (int i = 0; i < frame->lights.count && choice != SPSI_CHOICE_SHEETS; ++i)
+    for (int choice = SPSI_CHOICE_SHEETS + 1; choice <= SPSI_CHOICE_TABLE_AGAIN; ++choice)
+        for (int i = 0; i < frame->lights.count; ++i)
             if ((int)frame->lights.list[i].choice == choice) return reasons[choice];
     return reasons[SPSI_CHOICE_CALLER];
 }
@@ -24768,11 +24753,11 @@ SPSI_COLD void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_p
     report->light_points = frame->lights.count > 0;
     for (int i = 0; i < frame->lights.count; ++i) {
         const spsi_light *light = &frame->lights.list[i];
-        if (light->has_map) maps += spsi_plan_tables(frame, light);
+        maps += light->has_map;
         extended |= light->extent.exists && light->shadows;
         report->light_points = spsi_imax(report->light_points, light->point_count);
     }
-    spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, spsi_plan_sliced_count(frame), "volumes or particles cast shadows",
+    spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, frame->lights.sliced_count, "volumes or particles cast shadows",
                    !shade                       ? nothing
                    : frame->lights.shadow_count ? "every light that casts shadows has a shadow_map or a table"
                                                 : "no light casts shadows on anything");
@@ -24820,7 +24805,7 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
     spsi_plan_polygon_passes(frame, gases, held, report);
     spsi_plan_pass(report, SPS_PASS_EYE_SHEETS, gases ? sweeps + report->pass[SPS_PASS_EYE_SHEETS].runs : 0,
                    sweeps == 1 ? "volumes or particles are seen, one sweep"
-                   : spsi_plan_sliced_count(frame) > 0
+                   : frame->lights.sliced_count > 0
                        ? "volumes or particles are seen, one sweep for each light that shades by sheets"
                        : "volumes or particles are seen, one sweep for each part of an image too wide for one",
                    "no volume or particle that could be seen");
@@ -24861,8 +24846,7 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
 /* Excludes sweeps. */
 static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
     const size_t pixels = spsi_ray_count(&frame->content->eye), triangles = frame->meshes.triangle_count;
-    size_t lights = (size_t)spsi_plan_shadow_count(frame, 0); /* at once */
-    int bytes = (int)lights; /* per place */
+    int bytes = 0; /* per place */
     spsi_face_lists lists;
     spsi_faces faces;
     spsi_visible visible;
@@ -24870,85 +24854,80 @@ static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *fram
     memset(&faces, 0, sizeof faces);
     memset(&visible, 0, sizeof visible);
     faces.count = (int)triangles;
-    spsi_reserve(context, SPSI_BUFFER_FACES, triangles, sizeof(spsi_face) + 4 * sizeof(int)); /* and their rows */
+    context->counted = &report->pass[SPS_PASS_EYE_POLYGONS].bytes;
+    spsi_reserve(context, SPSI_BUFFER_FACES, triangles, sizeof(spsi_face));
+    spsi_reserve(context, SPSI_BUFFER_FACE_ROWS, triangles, 4 * sizeof(int));
     spsi_reserve(context, SPSI_BUFFER_BLOCKS, SPSI_TRIANGLE_BATCH, sizeof(sps_triangle));
     spsi_reserve(context, SPSI_BUFFER_EYE_FACES, pixels, sizeof(spsi_hit));
     if (spsi_uses_cells(frame) || frame->matter.emits) spsi_receive_reserve(context, frame, &received);
-    spsi_plan_take(context, report, SPS_PASS_EYE_POLYGONS);
+    context->counted = &report->pass[SPS_PASS_LAYERS].bytes;
     spsi_layers_build(context, frame, &faces, NULL, &visible.layers);
-    spsi_plan_take(context, report, SPS_PASS_LAYERS);
+    context->counted = &report->pass[SPS_PASS_TEXTURES].bytes;
     spsi_face_textures_begin(context, frame, &lists);
     spsi_textures(context, frame, &faces, &visible);
-    spsi_plan_take(context, report, SPS_PASS_TEXTURES);
+    context->counted = &report->pass[SPS_PASS_TRIANGLE_TREE].bytes;
     if (spsi_needs_tree(frame)) spsi_faces_tree(context, &faces);
-    spsi_plan_take(context, report, SPS_PASS_TRIANGLE_TREE);
-    for (int i = 0; i < frame->lights.count; ++i) {
-        const spsi_light *light = &frame->lights.list[i];
-        bytes += spsi_plan_tables(frame, light) * spsi_visibility_bytes(frame, light) - 1;
-        lights += (size_t)spsi_plan_tables(frame, light) - 1;
-    }
-    if (spsi_uses_cells(frame)) /* cells need all lights' depth maps at once */
-        lights = (size_t)spsi_imax((int)lights, frame->lights.shadow_count);
+    for (int i = 0; i < frame->lights.count; ++i) bytes += spsi_visibility_bytes(frame, &frame->lights.list[i]);
     if (frame->lights.shadow_count == 0) return;
-    if (frame->matter.scatters)
-        spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, lights,
-                     spsi_depth_map_floats_most((size_t)spsi_depth_map_size(frame)) * sizeof(float));
-    spsi_plan_take(context, report, SPS_PASS_LIGHT_POLYGONS);
+    context->counted = &report->pass[SPS_PASS_SHADOW_RAYS].bytes;
     spsi_visibility_reserve(context, pixels, bytes);
-    spsi_plan_take(context, report, SPS_PASS_SHADOW_RAYS);
-}
-
-/* Bytes outside the sweeps, unless cached. */
-SPSI_COLD void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const spsi_reading *reading,
-                               sps_plan_report *report) {
-    spsi_plan_gather_bytes(context, frame, reading);
-    spsi_plan_take(context, report, SPS_PASS_GATHER);
-    spsi_gather_images(context, frame);
-    spsi_plan_take(context, report, SPS_PASS_PROJECTORS);
-    spsi_forward_tables(context, frame);
-    spsi_plan_take(context, report, SPS_PASS_FORWARD);
-    if (spsi_convolves(frame)) report->pass[SPS_PASS_SPREADING].bytes = spsi_spreads_bytes(frame);
-    if (spsi_uses_cells(frame)) report->pass[SPS_PASS_CELLS].bytes = spsi_cells_bytes(frame);
-    if (frame->view.scattering == SPS_SCATTERING_AUTO) /* undecided */
-        report->pass[SPS_PASS_CELLS].bytes += SPSI_BOUND_BYTES;
-    if (frame->meshes.triangle_count > 0) spsi_plan_polygon_bytes(context, frame, report);
-    report->bytes = context->stats.bytes + 2 * SPSI_BUFFER_COUNT * SPSI_LINK_BYTES; /* segments and maps, too */
-    for (int i = 0; i < SPS_PASS_COUNT; ++i) spsi_bytes_add(&report->bytes, report->pass[i].bytes, 1);
 }
 
 /* Maps coexist, but are filled one by one. */
-SPSI_COLD void spsi_plan_tmaps(const spsi_frame *frame, sps_plan_report *report) {
+SPSI_COLD void spsi_plan_tmaps(sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
+                               sps_plan_report *report) {
+    const uint64_t gas = reading->known && spsi_has_shadow_tables(frame) ? spsi_gas_fingerprint(frame) : 0;
     size_t most = 0;
     for (int i = 0; i < frame->lights.count; ++i) {
         const spsi_light *light = &frame->lights.list[i];
         size_t held, filling;
         if (!light->has_map) continue;
-        spsi_light_tmap_bytes(frame, light, &held, &filling);
-        report->pass[SPS_PASS_LIGHT_MAPS].bytes += (size_t)spsi_plan_tables(frame, light) * held;
+        spsi_plan_tmap_bytes(context, frame, light, reading->known, &held, &filling);
+        report->pass[SPS_PASS_LIGHT_MAPS].bytes += held;
+        report->bytes -= spsi_table_cached_bytes(context, frame, light, gas);
         if (filling > most) most = filling;
     }
     report->pass[SPS_PASS_LIGHT_MAPS].bytes += most;
 }
 
-/* Includes lights that may need a sweep. */
-SPSI_COLD sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame, uint64_t bricks,
+/* Bytes outside the sweeps, unless cached. What the context holds counts where it exceeds the plan. */
+SPSI_COLD void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const spsi_reading *reading,
+                               sps_plan_report *report) {
+    report->bytes = sizeof *context + context->stats.bytes + 2 * SPSI_BUFFER_COUNT * SPSI_LINK_BYTES; /* and maps' */
+    context->counted = &report->pass[SPS_PASS_GATHER].bytes;
+    spsi_plan_gather_bytes(context, frame, reading);
+    context->counted = &report->pass[SPS_PASS_PROJECTORS].bytes;
+    spsi_gather_images(context, frame);
+    context->counted = &report->pass[SPS_PASS_FORWARD].bytes;
+    spsi_forward_tables(context, frame);
+    if (frame->meshes.triangle_count > 0) spsi_plan_polygon_bytes(context, frame, report);
+    context->counted = NULL;
+    if (spsi_uses_cells(frame) || spsi_convolves(frame))
+        spsi_plan_depth_maps(context, frame, NULL, reading->known, report);
+    spsi_plan_tmaps(context, frame, reading, report);
+    if (spsi_convolves(frame)) report->pass[SPS_PASS_SPREADING].bytes = spsi_spreads_bytes(frame);
+    if (spsi_uses_cells(frame)) spsi_cells_count(context, frame, reading->known, &report->pass[SPS_PASS_CELLS].bytes);
+    if (frame->view.scattering == SPS_SCATTERING_AUTO) /* undecided */
+        report->pass[SPS_PASS_CELLS].bytes += SPSI_BOUND_BYTES;
+    for (int i = 0; i < SPSI_BUFFER_COUNT; ++i) {
+        const size_t held = context->buffers[i].data ? context->buffers[i].size + SPSI_LINK_BYTES : 0;
+        report->bytes -= held < context->planned[i] ? held : context->planned[i];
+    }
+    for (int i = 0; i < SPS_PASS_COUNT; ++i) spsi_bytes_add(&report->bytes, report->pass[i].bytes, 1);
+}
+
+SPSI_COLD sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                                       sps_plan_report *report) {
+    const int sweeps = spsi_sweep_count(frame), parts = spsi_subslab_count(frame);
     spsi_run *run = spsi_run_reserve(context);
     spsi_sweep sweep;
     if (!run) return context->result;
-    for (int n = 0; n < spsi_sweep_count(frame); ++n)
-        for (int part = 0; part < spsi_subslab_count(frame); ++part) {
-            if (spsi_sweep_build(context, frame, n, part, &sweep) ||
-                spsi_plan_sweep_bytes(context, frame, &sweep, n, bricks, run, report))
-                return context->result;
-            report->pass[SPS_PASS_EYE_SHEETS].runs += part == 0 && spsi_sweep_measures(frame, &sweep);
-        }
-    for (int i = 0; i < frame->lights.count; ++i) {
-        if (frame->lights.list[i].choice != SPSI_CHOICE_OPEN || frame->lights.list[i].sliced) continue;
-        spsi_sweep_clear(frame, &frame->lights.list[i], 0, &sweep);
-        sweep.back_to_front = 1; /* worst case */
-        report->pass[SPS_PASS_EYE_SHEETS].runs += spsi_sweep_measures(frame, &sweep);
-        if (spsi_plan_sweep_bytes(context, frame, &sweep, 0, bricks, run, report)) return context->result;
+    for (int n = 0; n < sweeps * parts; ++n) {
+        if (spsi_sweep_build(context, frame, n / parts, n % parts, &sweep) ||
+            spsi_plan_sweep(context, frame, &sweep, reading, run, report))
+            return context->result;
+        report->pass[SPS_PASS_EYE_SHEETS].runs += n % parts == 0 && spsi_sweep_measures(frame, &sweep);
+        report->sweep_count += spsi_subslab_meets(sweep.part, frame->view.region);
     }
     return SPS_OK;
 }
@@ -24961,9 +24940,11 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
     report->eye_filling = "no volume that could be seen";
     report->light_filling = "no volume casts shadows by sheets";
     report->cells_filling = "no volume, or its light does not go from cell to cell, nor spread";
-    if (spsi_plan_reading(context, frame, report, &reading)) return context->result;
+    memset(context->planned, 0, sizeof context->planned);
+    if (spsi_plan_reading(context, frame, report, &reading) || spsi_gather_particles(context, frame))
+        return context->result;
     if (frame->view.scattering == SPS_SCATTERING_AUTO) report->scatter_bound = -1;
-    if (!spsi_uses_cells(frame) || spsi_polygons_scatter(frame) || (reading.held && frame->particles.set_count == 0))
+    if (!spsi_uses_cells(frame) || spsi_polygons_scatter(frame) || reading.held)
         if (spsi_decide_scattering(context, frame, &report->scatter_bound)) return context->result;
     /* units of work */
     const double reads =
@@ -24974,13 +24955,11 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
         return context->result;
     if (spsi_plan_pyramids(context, frame, &reading)) return context->result;
     spsi_levels_choose(frame);
-    spsi_plan_choices(context, frame);
-    const uint64_t bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
-    if (spsi_plan_sweeps(context, frame, bricks, report)) return context->result;
+    spsi_choose_shadows(context, frame);
+    if (spsi_plan_sweeps(context, frame, &reading, report)) return context->result;
     if (spsi_plan_aim(context, frame, &rays, &slabs))
         spsi_plan_filling(frame, &rays, &slabs, SPSI_TARGET_SAMPLES, 0, &report->cells_gathered,
                           &report->cells_filling);
-    spsi_plan_tmaps(frame, report);
     for (int i = 0; i < frame->meshes.count && !spsi_faces_cached(context, frame); ++i)
         report->triangle_calls +=
             (frame->meshes.list[i].given.triangle_count + SPSI_TRIANGLE_BATCH - 1) / SPSI_TRIANGLE_BATCH;
@@ -24989,12 +24968,9 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
             (frame->particles.sets[i].given.count + SPSI_PARTICLE_BATCH - 1) / SPSI_PARTICLE_BATCH;
     for (int i = 0; i < frame->lights.count; ++i)
         report->projector_calls += (uint64_t)frame->lights.list[i].projection.given.height;
-    report->sweep_count = spsi_plan_sweep_count(frame);
     report->color_channels = frame->channels;
     report->sheet_channels = frame->matter.material_count;
-    context->counts_only = 1;
     spsi_plan_bytes(context, frame, &reading, report);
-    context->counts_only = 0;
     if (context->result) return context->result;
     spsi_plan_passes(context, frame, &reading, report);
     for (int i = 0; i < SPS_PASS_COUNT; ++i)

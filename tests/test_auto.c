@@ -296,7 +296,7 @@ static void test_plan(void) {
         sps_get_stats(by, &stats);
         CHECK(stats.bytes_peak <= report.bytes);
         CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &report));
-        CHECK(n == 2 ? report.scatter_bound == -1 : report.scatter_bound == stats.scatter_bound);
+        CHECK(report.scatter_bound == stats.scatter_bound);
         CHECK(report.pass[SPS_PASS_CELLS].runs == (n == 0 || n == 2));
         if (n == 0) CHECK(strstr(report.pass[SPS_PASS_CELLS].reason, "above") != NULL);
         if (n == 1) CHECK(strstr(report.pass[SPS_PASS_CELLS].reason, "within") != NULL);

@@ -48,19 +48,17 @@ static outcome render_with(sps_context *with, const check_scene *s, float *image
     return o;
 }
 
-/* Plans and renders. `sheets` and `tables`: the numbers of lights that shade by either, in both; without particles,
-   which a plan has not seen. `reason`: the plan's for its maps; NULL: any. */
+/* Plans and renders. `sheets` and `tables`: the numbers of lights that shade by either, in both. `reason`: the plan's
+   for its maps; NULL: any. */
 static outcome check_chosen(const check_scene *s, int sheets, int tables, const char *reason, float *image) {
-    const int seen = s->scene.particle_set_count == 0;
     const outcome o = render_with(context, s, image);
     const sps_pass_report *pass = o.plan.pass;
     const int sweeps = sheets > 0 ? sheets : s->view.camera.field_of_view > 2.17 ? 4 : 1; /* corners at cos 0.35 */
     if (!CHECK((int)(o.stats.tables_made + o.stats.tables_held) == tables) ||
         !CHECK((o.stats.light_fragments + o.stats.light_samples > 0) == (sheets > 0)))
         printf("    %d tables\n", (int)o.stats.tables_made);
-    if (!CHECK(pass[SPS_PASS_LIGHT_SHEETS].runs == sheets || (!seen && pass[SPS_PASS_LIGHT_SHEETS].runs > sheets)) ||
-        !CHECK(pass[SPS_PASS_LIGHT_MAPS].runs == tables || (!seen && pass[SPS_PASS_LIGHT_MAPS].runs > tables)) ||
-        !CHECK(o.plan.sweep_count == sweeps || (!seen && o.plan.sweep_count > sweeps)))
+    if (!CHECK(pass[SPS_PASS_LIGHT_SHEETS].runs == sheets) || !CHECK(pass[SPS_PASS_LIGHT_MAPS].runs == tables) ||
+        !CHECK(o.plan.sweep_count == sweeps))
         printf("    sheets %d, maps %d, sweeps %d\n", pass[SPS_PASS_LIGHT_SHEETS].runs, pass[SPS_PASS_LIGHT_MAPS].runs,
                o.plan.sweep_count);
     CHECK(o.stats.bytes <= o.plan.bytes);
@@ -107,7 +105,7 @@ static void test_lamp_within(void) {
         const int kind = n / 2, centred = n % 2;
         start(&s, kind);
         check_add_point(&s, centred ? 0 : 0.31, 0, centred ? 0 : -0.2, 3);
-        check_chosen(&s, 0, 1, kind == SWARM ? "a table, if particles turn out to call for one" : in_gas, image_a);
+        check_chosen(&s, 0, 1, in_gas, image_a);
         s.light[0].shadow_map = &table;
         check_chosen(&s, 0, 1, "lights have a shadow_map or SPS_SHADOW_TABLE", image_b);
         CHECK(memcmp(image_a, image_b, sizeof image_a) == 0 && check_mean(image_a, COUNT) > 0.01);
@@ -270,9 +268,7 @@ static void test_two_lights(void) {
         double off;
         add_two(&s, kind);
         check_chosen(&s, kind == TISSUE ? 2 : 1, kind != TISSUE,
-                     kind == GAS     ? shared
-                     : kind == SWARM ? "a table, if particles turn out to call for one"
-                                     : "no light that casts shadows has a shadow_map or a table",
+                     kind == TISSUE ? "no light that casts shadows has a shadow_map or a table" : shared,
                      image_a);
         check_force_sheets(&s);
         check_chosen(&s, 2, 0, NULL, image_b);
@@ -380,20 +376,20 @@ static void test_memory(void) {
     CHECK(limit[1] > limit[0] + 100000);
 }
 
-/* --- what a plan cannot know, and errors --- */
+/* --- particles, and errors --- */
 
-/* The plan of particles is a bound, but a sun that any camera of moderate width serves has sheets for certain. */
-static void test_unread_particles(void) {
+/* A plan reads particles, and chooses as the render does. */
+static void test_particles_alike(void) {
     check_scene s;
     start(&s, SWARM);
     check_add_directional(&s, 0.5, -1, -0.4, 3);
     check_chosen(&s, 1, 0, "no light that casts shadows has a shadow_map or a table", image_a);
     check_add_point(&s, 0, 4, 0, 9);
-    CHECK(check_chosen(&s, 1, 1, "a table, if particles turn out to call for one", image_a).plan.sweep_count == 2);
+    CHECK(check_chosen(&s, 1, 1, shared, image_a).plan.sweep_count == 1);
     check_color(check_add_puff(&s, 3)->albedo, 0.9, 0.8, 0.7);
-    check_chosen(&s, 1, 1, "a table, if particles turn out to call for one", image_a);
-    check_set3(s.light[1].position, 0, 0, 0); /* in the volume, whatever the particles are */
-    check_chosen(&s, 1, 1, NULL, image_a);
+    check_chosen(&s, 1, 1, shared, image_a);
+    check_set3(s.light[1].position, 0, 0, 0); /* in the volume */
+    check_chosen(&s, 1, 1, in_gas, image_a);
 }
 
 static double between(check_random *random, double low, double high) { return low + (high - low) * check_next(random); }
@@ -474,7 +470,7 @@ int main(void) {
     RUN(test_order);
     RUN(test_capped);
     RUN(test_memory);
-    RUN(test_unread_particles);
+    RUN(test_particles_alike);
     RUN(test_anywhere);
     RUN(test_refused);
     sps_destroy(context);

@@ -297,13 +297,14 @@ static void test_clock_of_calls(mixed *m) {
 
 /* Bytes of a list of particles, or of vectors for the workers if there are no rays, as a plan counts them. */
 static size_t counted_bytes(sps_context *context, const spsi_rays *rays, size_t count, size_t size) {
+    size_t bytes = 0;
     spsi_lists lists;
-    context->counted = 0;
-    context->counts_only = 1;
+    memset(context->planned, 0, sizeof context->planned);
+    context->counted = &bytes;
     if (rays) CHECK(spsi_lists_reserve(context, SPSI_BUFFER_EYE_SPHERES, rays, count, &lists) == SPS_OK);
     if (!rays) CHECK(!spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES, (int)count, size));
-    context->counts_only = 0;
-    return context->counted;
+    context->counted = NULL;
+    return bytes < SIZE_MAX ? bytes - SPSI_LINK_BYTES : bytes;
 }
 
 /* Sizes in bytes that exceed a size_t cannot be reserved. What is only counted is not reserved, and no failure. */

@@ -566,11 +566,12 @@ typedef struct sps_light {
     int samples;
     int no_shadow; /* 1: casts no shadow, and has only single scattering in gas */
     /* NULL: see shadow_source. Otherwise shadows in gas come from a map with these settings (all zero: a table). Each
-       call evaluates maps of other techniques at a table's planes, three per two texels' widths. A map has no slicing
-       limit, and six faces around a point light amid gas. near_depth, far_depth and surface_bias must be 0. An error
-       for area lights. If all volumes have a revision, the next call reuses a table of the same gas; a failing call
-       may release it. Few components blotch dense or surface-shaded volumes. Borrowed for the
-       call. */
+       call evaluates maps of other techniques into a table, of three planes per two texels' widths: at most 256, or 16
+       per component where texels have no lists. Even OPACITY planes without `cubic` become the table's. byte_budget
+       limits the table. A map has no slicing limit, and six faces around a point light amid gas. near_depth, far_depth
+       and surface_bias must be 0. An error for area lights. If all volumes have a revision, the next call reuses a
+       table of the same gas; a failing call may release it. Few components blotch dense or surface-shaded volumes.
+       Borrowed for the call. */
     const sps_tmap_settings *shadow_map;
     /* Shadows in gas where shadow_map is NULL. With a shadow_map, SPS_SHADOW_SHEETS is an error, and SPS_SHADOW_TABLE
        requires a table. */
@@ -3221,12 +3222,14 @@ static void spsi_opacity_finish(const sps_tmap_settings *settings, float *texel)
 }
 
 /* a / b, or 0 between planes at one u. */
-static float spsi_ratio(float a, float b) { return b > 0 ? a / b : 0; }
+static inline float spsi_ratio(float a, float b) { return b > 0 ? a / b : 0; }
 
 /* Curves go through planes; plane -1 is at u = 0, with depth 0. */
-static float spsi_knot_u(const sps_tmap_settings *settings, int i) { return i < 0 ? 0 : spsi_plane(settings, i); }
+static inline float spsi_knot_u(const sps_tmap_settings *settings, int i) {
+    return i < 0 ? 0 : spsi_plane(settings, i);
+}
 
-static float spsi_secant(const sps_tmap_settings *settings, const float *texel, int i) {
+static inline float spsi_secant(const sps_tmap_settings *settings, const float *texel, int i) {
     return spsi_ratio(texel[i] - (i > 0 ? texel[i - 1] : 0), spsi_plane(settings, i) - spsi_knot_u(settings, i - 1));
 }
 
@@ -3705,7 +3708,7 @@ static const spsi_technique spsi_techniques[] = {
      spsi_moment_bracket},
     {"a Beer map", 3, 3, 1, 3, 0, 0, 1, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_depths,
      spsi_opacity_bracket},
-    {"a shadow table", 8, 1024, 1, 256, 0, 0, 0, spsi_opacity_insert, NULL, NULL, NULL},
+    {"a shadow table", 8, 1024, 1, 256, 0, 0, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL},
     {"a depth map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL},
 };
 
@@ -3729,6 +3732,11 @@ SPSI_COLD int spsi_settings_have_range(const sps_tmap_settings *settings) {
 SPSI_COLD int spsi_components_least(const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     return technique->least + (technique->range < 0 ? 2 * spsi_settings_have_range(settings) : 0);
+}
+
+/* 1: optical depths at evenly spaced planes, joined by lines. */
+static int spsi_settings_are_even(const sps_tmap_settings *settings) {
+    return settings->technique == SPS_TMAP_OPACITY && !settings->planes && !settings->cubic;
 }
 
 /* Number of planes set by the caller. */
@@ -13154,8 +13162,8 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
    so that results are identical for any number of workers. Vectors of intervals are added to sums or, for lists,
    counted, sorted and fitted. Volumes are splatted into slabs perpendicular to the light's axis: once for plain sums,
    otherwise twice. A light's shadow table is an opacity map of packed 16-bit pairs of planes, cached while a
-   fingerprint of its input stays. Cost: occluders times texels times components; 4 bytes per
-   texel and component in a band of 64 rows, or 16 per interval. */
+   fingerprint of its input stays. A light's other maps are evaluated into a table, texel by texel. Cost: occluders
+   times texels times components; 4 bytes per texel and component in a band of 64 rows, or 16 per interval. */
 
 #define SPSI_NO_SURFACE 1e30f /* u where there is none, far behind far_depth */
 
@@ -13185,7 +13193,6 @@ typedef struct spsi_shadow_table {
 struct sps_tmap {
     sps_context *context;
     const spsi_technique *technique;
-    int light;                  /* its shadow_map's light; -1: none */
     sps_tmap_settings settings; /* with defaults filled in */
     sps_tmap_settings inner;    /* without the texel's range */
     sps_view view;
@@ -13194,7 +13201,7 @@ struct sps_tmap {
     int replace_invalid, finished, failed;
     spsi_light_grid grid;
     double bias[2];           /* surface bias in t: bias[0] + bias[1] * t */
-    spsi_shadow_table *table; /* receives the sums instead of `data`; NULL: none */
+    spsi_shadow_table *table; /* receives texels instead of `data`; NULL: none */
     spsi_buffer planes;
     spsi_added added; /* until the map is finished */
     spsi_tmap_data data;
@@ -13226,14 +13233,13 @@ static void spsi_tmap_within(const sps_tmap *map, const spsi_texel *texel, int c
 #define SPSI_SHADOW_TABLE_PLANES_MOST 1024
 
 /* Optical depths of gas in a texel, before rising u. */
-static void spsi_tmap_depths(const sps_tmap *map, size_t index, int count, const float *u, float *depths) {
+static void spsi_tmap_depths(const sps_tmap *map, const spsi_texel *texel, int count, const float *u, float *depths) {
     float within[SPSI_SHADOW_TABLE_PLANES_MOST];
     int first = 0;                       /* before it, u lies before the range */
     if (!map->technique->depths) return; /* surfaces alone */
-    const spsi_texel texel = spsi_tmap_texel(map, index);
-    spsi_tmap_within(map, &texel, count, u, within);
+    spsi_tmap_within(map, texel, count, u, within);
     for (; first < count && within[first] < 0; ++first) depths[first] = 0;
-    map->technique->depths(&map->inner, &texel, count - first, within + first, depths + first);
+    map->technique->depths(&map->inner, texel, count - first, within + first, depths + first);
 }
 
 static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float bounds[2]) {
@@ -13305,7 +13311,8 @@ static double spsi_tmap_at(const sps_tmap *map, const double point[3], double *l
     if (!spsi_tmap_locate(map, point, &quad)) return 0;
     for (int i = 0; i < 4; ++i) {
         float depth = 0;
-        if (quad.weight[i] > 0) spsi_tmap_depths(map, spsi_quad_texel(map, &quad, i), 1, &quad.u, &depth);
+        const spsi_texel texel = spsi_tmap_texel(map, spsi_quad_texel(map, &quad, i));
+        if (quad.weight[i] > 0) spsi_tmap_depths(map, &texel, 1, &quad.u, &depth);
         sum += quad.weight[i] * (double)depth;
     }
     *lit = spsi_tmap_lit(map, &quad);
@@ -13784,17 +13791,25 @@ SPSI_COLD sps_result spsi_fill_volumes(spsi_filling *filling) {
 
 /* --- a band of sums --- */
 
-/* Packs a texel's planes. `y` counts rows of all faces; sums[k * stride] is the depth from plane k - 1 to plane k. */
-static void spsi_shadow_table_store(const spsi_shadow_table *table, int x, int y, const float *sums, size_t stride) {
-    const int planes = table->planes, side = SPSI_SHADOW_TABLE_SIDE;
+/* Evaluates a texel of a light's map at the table's planes, unless it has the same, and packs them. */
+static void spsi_shadow_table_store(const sps_tmap *map, size_t index, const spsi_texel *texel) {
+    const spsi_shadow_table *table = map->table;
+    const int planes = table->planes, side = SPSI_SHADOW_TABLE_SIDE, width = table->grid.rays[0].width;
+    const int x = (int)(index % (size_t)width), y = (int)(index / (size_t)width);
     const size_t block = (size_t)(y / side) * (size_t)spsi_shadow_table_columns(&table->grid) + (size_t)(x / side);
     uint32_t *to = (uint32_t *)table->pairs.data + block * (size_t)planes * SPSI_SHADOW_TABLE_TEXELS;
-    const float end = table->end;
+    const float *depths = (const float *)texel->data, end = table->end;
+    float u[SPSI_SHADOW_TABLE_PLANES_MOST], evaluated[SPSI_SHADOW_TABLE_PLANES_MOST], whole = 1; /* u, then depth */
     uint32_t before = 0;
-    double sum = 0;
+    if (map->technique->depths && !(spsi_settings_are_even(&map->settings) && map->settings.components == planes)) {
+        memset(evaluated, 0, (size_t)planes * sizeof *evaluated);
+        spsi_tmap_depths(map, texel, 1, &whole, &whole);
+        for (int k = 0; k < planes; ++k) u[k] = (float)(k + 1) / (float)planes;
+        if (whole > 0) spsi_tmap_depths(map, texel, planes, u, evaluated);
+        depths = evaluated;
+    }
     for (int k = 0; k < planes; ++k) {
-        const float depth = (float)(sum += (double)sums[(size_t)k * stride]);
-        const float steps = spsi_fmax(0, spsi_fmin(depth, end)) * (SPSI_SHADOW_TABLE_MOST / end);
+        const float steps = spsi_fmax(0, spsi_fmin(depths[k], end)) * (SPSI_SHADOW_TABLE_MOST / end);
         const uint32_t next = (uint32_t)(steps + 0.5f);
         to[k * SPSI_SHADOW_TABLE_TEXELS + y % side * side + x % side] = before | next << 16;
         before = next;
@@ -13805,23 +13820,20 @@ static void spsi_store_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
     const sps_tmap *map = filling->map;
     const int components = map->inner.components;
+    float own[SPSI_SHADOW_TABLE_PLANES_MOST];
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
     for (int i = 0; i < into.width * into.height; ++i) {
-        const int x = into.x0 + i % into.width, y = into.y0 + i / into.width;
-        const size_t texel = spsi_map_tile_texel(&into, x, y);
-        if (map->table) {
-            const int row = (int)(texel / (size_t)map->grid.rays[0].width);
-            spsi_shadow_table_store(map->table, x, row, into.sums + i, into.stride);
-            continue;
-        }
-        float *out = (float *)map->data.texels.data + texel * (size_t)map->settings.components;
+        const size_t texel = spsi_map_tile_texel(&into, into.x0 + i % into.width, into.y0 + i / into.width);
+        float *out = map->table ? own : (float *)map->data.texels.data + texel * (size_t)map->settings.components;
         if (map->has_range) {
             *out++ = into.ranges[i];
             *out++ = spsi_fmax(into.ranges[into.stride + (size_t)i], into.ranges[i]);
         }
         for (int k = 0; k < components; ++k) out[k] = into.sums[(size_t)k * into.stride + (size_t)i];
         if (map->technique->finish) map->technique->finish(&map->inner, out);
+        const spsi_texel whole = {out, 0};
+        if (map->table) spsi_shadow_table_store(map, texel, &whole);
     }
 }
 
@@ -13904,20 +13916,22 @@ static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_inte
     return (uint32_t)nodes;
 }
 
-/* Sorts and fits a list; `cursors` receives the number of items. */
+/* Sorts and fits a list; `cursors` receives the number of items. Tables take them at once. */
 static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
     const size_t in_band = texel - filling->band.first_texel;
     const uint32_t count = filling->band.starts[in_band + 1] - filling->band.starts[in_band];
     spsi_interval *list = filling->band.intervals + filling->band.starts[in_band];
+    spsi_texel items = {list, count};
     spsi_intervals_sort(list, count, fitting->intervals);
-    filling->band.cursors[in_band] = count;
     if (filling->map->settings.technique == SPS_TMAP_COMPRESSED) {
-        const uint32_t nodes = spsi_fit_compressed(fitting, list, count);
-        if (nodes * sizeof(spsi_node) <= count * sizeof *list)
-            memcpy((void *)list, fitting->nodes, nodes * sizeof(spsi_node));
-        filling->band.cursors[in_band] = nodes;
+        items.data = fitting->nodes;
+        items.count = spsi_fit_compressed(fitting, list, count);
+        if (items.count * sizeof(spsi_node) <= count * sizeof *list)
+            memcpy((void *)list, fitting->nodes, items.count * sizeof(spsi_node));
     }
+    filling->band.cursors[in_band] = items.count;
+    if (filling->map->table) spsi_shadow_table_store(filling->map, texel, &items);
 }
 
 /* Moves items to their final place; fits again if they did not fit into the list. */
@@ -13970,7 +13984,7 @@ SPSI_COLD sps_result spsi_append_band(spsi_filling *filling) {
     if (sum > UINT32_MAX)
         return spsi_fail_field(filling->context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "items", (double)sum,
                                "2^32 - 1 are held at most");
-    if (spsi_check_map_budget(map->context, map->light, map->settings.byte_budget, (double)sum * (double)item))
+    if (spsi_check_map_budget(map->context, -1, map->settings.byte_budget, (double)sum * (double)item))
         return filling->context->result;
     spsi_buffer_extend(filling->context, &map->data.texels, starts[0], (size_t)sum, item);
     return filling->context->result;
@@ -13997,7 +14011,7 @@ SPSI_COLD sps_result spsi_fill_fits(spsi_filling *filling) {
     filling->has_sizes = 0;
     const int tasks = filling->band.tiles_x * spsi_filling_height(filling);
     spsi_parallel(context, tasks, spsi_fit_task, filling);
-    if (spsi_progress(context, filling->progress) || spsi_append_band(filling)) return context->result;
+    if (spsi_progress(context, filling->progress) || map->table || spsi_append_band(filling)) return context->result;
     filling->has_sizes = 1;
     spsi_parallel(context, tasks, spsi_fit_task, filling);
     return spsi_progress(context, filling->progress);
@@ -14243,7 +14257,8 @@ SPSI_COLD sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
     const size_t texels = spsi_light_grid_texels(&map->grid);
     spsi_buffer *known = map->technique->lists ? &map->data.starts : &map->data.texels;
     float *surfaces = NULL;
-    if (!map->table && !spsi_buffer_reserve(map->context, known, spsi_tmap_known_items(map), sizeof(float)))
+    if (map->table) return SPS_OK;
+    if (!spsi_buffer_reserve(map->context, known, spsi_tmap_known_items(map), sizeof(float)))
         return map->context->result;
     if (map->technique->lists) memset(known->data, 0, (texels + 1) * sizeof(uint32_t));
     if (!has_surfaces) return SPS_OK;
@@ -14285,12 +14300,12 @@ SPSI_COLD sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     occluders->boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
     for (filling.band.face = 0; filling.band.face < map->grid.face_count; ++filling.band.face)
         if (spsi_fill_face(&filling, occluders)) return context->result;
-    if ((map->technique->lists && spsi_tmap_trim(map)) ||
+    if ((map->technique->lists && !map->table && spsi_tmap_trim(map)) ||
         spsi_progress(context, spsi_call_stage_done(&occluders->part, 1)))
         return context->result;
     map->finished = 1;
     map->finished =
-        !spsi_check_map_budget(context, map->light, map->settings.byte_budget, (double)spsi_tmap_bytes(map));
+        !spsi_check_map_budget(context, -1, map->settings.byte_budget, (double)spsi_tmap_bytes(map));
     return context->result;
 }
 
@@ -14329,8 +14344,7 @@ SPSI_COLD sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light 
 SPSI_COLD sps_result spsi_tmap_resolve(sps_tmap *map) {
     const spsi_technique *technique = map->technique;
     sps_tmap_settings *settings = &map->settings;
-    const size_t budget = settings->byte_budget; /* a light's map has no surfaces */
-    const size_t surfaces = map->light < 0 ? spsi_light_grid_texels(&map->grid) * sizeof(float) : 0;
+    const size_t budget = settings->byte_budget, surfaces = spsi_light_grid_texels(&map->grid) * sizeof(float);
     const int is_set = settings->components > 0;
     map->has_range = spsi_settings_have_range(settings);
     settings->components = spsi_components_of(settings);
@@ -14340,7 +14354,7 @@ SPSI_COLD sps_result spsi_tmap_resolve(sps_tmap *map) {
     if (!(settings->epsilon > 0)) settings->epsilon = is_set ? SPSI_THIN_EPSILON : 0.01f;
     map->inner = *settings;
     map->inner.components -= 2 * map->has_range;
-    return spsi_check_map_budget(map->context, map->light, budget, (double)spsi_tmap_bytes(map));
+    return spsi_check_map_budget(map->context, -1, budget, (double)spsi_tmap_bytes(map));
 }
 
 SPSI_COLD sps_result spsi_tmap_take_planes(sps_tmap *map) {
@@ -14378,7 +14392,6 @@ SPSI_COLD sps_result spsi_tmap_aim(sps_tmap *map) {
 
 /* The map is zero except for its context. */
 SPSI_COLD sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, const sps_tmap_settings *settings) {
-    map->light = -1;
     map->settings = spsi_settings_resolve(settings, 0);
     map->technique = &spsi_techniques[map->settings.technique];
     map->view.width = light->width;
@@ -14508,22 +14521,34 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
 
 /* --- a light's shadow table --- */
 
-/* Planes that make entries as long as wide in mid-depth, up to limits, or as many as the caller wants. */
+#define SPSI_SHADOW_TABLE_PER_COMPONENT 16 /* planes at most, where a texel has no list */
+
+/* Planes of a light's table for gas so many texels deep. Even planes joined by lines become the table's. Other maps
+   resolve more than tables' slabs, up to what their components can express. */
+SPSI_COLD double spsi_shadow_table_planes(const sps_tmap_settings *map, double texels) {
+    const spsi_technique *table = &spsi_techniques[SPS_TMAP_TABLE];
+    const double own = spsi_components_of(map);
+    double most = table->usual;
+    if (spsi_settings_are_even(map)) return own;
+    if (map->technique == SPS_TMAP_TABLE) return spsi_dmax(spsi_dmin(ceil(texels), most), table->least);
+    if (!spsi_techniques[map->technique].lists) most = spsi_dmin(most, SPSI_SHADOW_TABLE_PER_COMPONENT * own);
+    return spsi_dmax(spsi_dmin(ceil(1.5 * texels), most), table->least);
+}
+
+/* Sets the planes, within limits of memory unless the caller has set them. */
 SPSI_COLD sps_result spsi_shadow_table_resolve(sps_context *context, const sps_tmap_settings *map,
                                                spsi_shadow_table *table) {
-    const spsi_technique *technique = &spsi_techniques[SPS_TMAP_TABLE];
     const spsi_light_grid *grid = &table->grid;
-    const size_t budget = map->technique == SPS_TMAP_TABLE ? map->byte_budget : 0;
+    const size_t budget = map->byte_budget;
     const double blocks = spsi_shadow_table_blocks(grid);
     const double plane_bytes = blocks * SPSI_SHADOW_TABLE_TEXELS * sizeof(uint32_t);
     const double pitch = spsi_pixel_size_at(&grid->rays[0], 0.5 * (grid->near_depth + grid->far_depth));
-    const double most = spsi_dmin(technique->usual, floor(SPSI_SHADOW_TABLE_BLOCKS_MOST / blocks));
-    const double least = spsi_dmin(technique->least, floor(7 * SPSI_SHADOW_TABLE_BLOCKS_MOST / blocks)); /* in 31 bits */
-    const double per_pitch = map->technique == SPS_TMAP_TABLE ? 1 : 1.5; /* maps resolve more than tables' slabs */
-    double planes = spsi_dmin(ceil(per_pitch * (grid->far_depth - grid->near_depth) / pitch), most);
+    const double wanted = spsi_shadow_table_planes(map, (grid->far_depth - grid->near_depth) / pitch);
+    const double least = spsi_dmin(spsi_techniques[SPS_TMAP_TABLE].least, wanted);
+    double planes = spsi_dmin(wanted, floor(SPSI_SHADOW_TABLE_BLOCKS_MOST / blocks));
     if (budget) planes = spsi_dmin(planes, floor(((double)budget - (double)sizeof *table) / plane_bytes));
-    table->planes = (int)spsi_dmax(planes, least);
-    if (map->technique == SPS_TMAP_TABLE && map->components > 0) table->planes = map->components;
+    planes = spsi_dmax(planes, spsi_dmin(least, floor(7 * SPSI_SHADOW_TABLE_BLOCKS_MOST / blocks))); /* in 31 bits */
+    table->planes = map->technique == SPS_TMAP_TABLE && map->components > 0 ? map->components : (int)planes;
     return spsi_check_map_budget(context, table->light, budget, table->planes * plane_bytes + sizeof *table);
 }
 
@@ -14570,37 +14595,6 @@ SPSI_COLD sps_result spsi_shadow_table_begin(sps_context *context, const spsi_fr
     return SPS_OK;
 }
 
-typedef struct spsi_evaluation {
-    const sps_tmap *map;
-    const spsi_shadow_table *table;
-} spsi_evaluation;
-
-/* Evaluates a map's row of texels at the table's planes. */
-static void spsi_evaluate_row_task(void *data, int row) {
-    const spsi_evaluation *job = (const spsi_evaluation *)data;
-    const int width = job->map->grid.rays[0].width, planes = job->table->planes;
-    float u[SPSI_SHADOW_TABLE_PLANES_MOST], depths[SPSI_SHADOW_TABLE_PLANES_MOST];
-    for (int k = 0; k < planes; ++k) u[k] = (float)(k + 1) / (float)planes;
-    for (int x = 0; x < width; ++x) {
-        spsi_tmap_depths(job->map, (size_t)row * (size_t)width + (size_t)x, planes, u, depths);
-        for (int k = planes - 1; k > 0; --k) depths[k] -= depths[k - 1];
-        spsi_shadow_table_store(job->table, x, row, depths, 1);
-    }
-}
-
-/* Fills a map of the light's own technique and evaluates it: shading looks up tables alone. */
-SPSI_COLD sps_result spsi_shadow_table_evaluate(const spsi_light *light, spsi_occluders *occluders, sps_tmap *map,
-                                                const spsi_shadow_table *table) {
-    spsi_evaluation job = {map, table};
-    const int rows = table->grid.rays[0].height * table->grid.face_count;
-    map->settings = light->map;
-    map->technique = &spsi_techniques[light->map.technique];
-    if (!spsi_tmap_resolve(map) && !spsi_tmap_fill(map, occluders))
-        spsi_parallel_items(map->context, rows, spsi_evaluate_row_task, &job);
-    spsi_tmap_release(map);
-    return map->context->result;
-}
-
 /* `occluders` is zero but for its frame and call stage. */
 SPSI_COLD sps_result spsi_shadow_table_fill(sps_context *context, const spsi_light *light, spsi_occluders *occluders,
                                             spsi_shadow_table *table) {
@@ -14611,15 +14605,13 @@ SPSI_COLD sps_result spsi_shadow_table_fill(sps_context *context, const spsi_lig
         return context->result;
     memset(&map, 0, sizeof map);
     map.context = context;
-    map.light = light->index;
     map.grid = table->grid;
-    if (!spsi_has_shadow_table(light)) return spsi_shadow_table_evaluate(light, occluders, &map, table);
     map.table = table;
-    map.technique = &spsi_techniques[SPS_TMAP_TABLE];
-    map.settings.technique = SPS_TMAP_TABLE;
-    map.settings.components = table->planes;
-    map.inner = map.settings;
-    return spsi_tmap_fill(&map, occluders);
+    map.technique = &spsi_techniques[light->map.technique];
+    map.settings = light->map;
+    map.settings.byte_budget = 0; /* it is the table's */
+    if (spsi_has_shadow_table(light)) map.settings.components = table->planes;
+    return spsi_tmap_resolve(&map) ? context->result : spsi_tmap_fill(&map, occluders);
 }
 
 /* --- size of a light's map, before anything is read --- */
@@ -14645,32 +14637,27 @@ SPSI_COLD size_t spsi_light_tmap_texels(const spsi_frame *frame, const spsi_ligh
     return *side * *side > six ? *side * *side : six;
 }
 
-/* Upper bound of a table's planes, which are a texel apart in mid-depth, or two thirds of one. Texels are known unless
-   the caller sets their number. */
+/* Upper bound of a table's planes. Texels are known unless the caller sets their number. */
 SPSI_COLD size_t spsi_light_table_planes(const spsi_frame *frame, const spsi_light *light) {
-    const spsi_technique *technique = &spsi_techniques[SPS_TMAP_TABLE];
-    const int is_table = spsi_has_shadow_table(light);
-    double across[3];
-    if (is_table && light->map.components > 0) return (size_t)light->map.components;
-    if (light->map_size > 0) return (size_t)technique->usual;
+    double across[3], texels = HUGE_VAL;
+    if (spsi_has_shadow_table(light) && light->map.components > 0) return (size_t)light->map.components;
     spsi_along(frame->content->bounds.high, frame->content->bounds.low, -1, across);
-    const double planes = ceil((is_table ? 2 : 3) * spsi_length(across) / spsi_light_texel(frame, light));
-    return (size_t)spsi_dmin(planes + technique->least, technique->usual);
+    if (light->map_size == 0) texels = 2 * spsi_length(across) / spsi_light_texel(frame, light) + 1;
+    return (size_t)spsi_shadow_table_planes(&light->map, texels);
 }
 
 /* Bytes of a light's table, and of filling it, without lists and their fits, whose length is unknown. */
 static void spsi_table_bytes(const spsi_frame *frame, const spsi_light *light, const spsi_light_grid *grid,
                              size_t texels, size_t planes, size_t *held, size_t *filling) {
     const size_t tiles = (size_t)spsi_tile_columns(&grid->rays[0]) * (size_t)spsi_tile_rows(&grid->rays[0]);
-    const int is_table = spsi_has_shadow_table(light), lists = spsi_techniques[light->map.technique].lists > 0;
-    const size_t components = is_table ? planes : (size_t)spsi_components_of(&light->map);
+    const size_t lists = spsi_techniques[light->map.technique].lists > 0;
+    const size_t components = spsi_has_shadow_table(light) ? planes : (size_t)spsi_components_of(&light->map);
     sps_tmap map;
     map.grid = *grid;
     *held = 2 * sizeof(spsi_shadow_table) + texels * planes * sizeof(uint32_t); /* also the cached table */
     *filling = sizeof(spsi_map_volumes) + spsi_band_floats(&map, (int)components + 2) * sizeof(float);
-    if (!is_table) *filling += (texels + 1) * (lists ? 1 : components) * sizeof(float);
     *filling += (size_t)frame->content->particle_count *
-                (sizeof(spsi_sphere) + (SPSI_SPHERE_TILES + (size_t)lists) * sizeof(uint32_t));
+                (sizeof(spsi_sphere) + (SPSI_SPHERE_TILES + lists) * sizeof(uint32_t));
     *filling += (tiles * (1 + SPSI_SPHERE_TILES) + 2) * sizeof(uint32_t);
 }
 

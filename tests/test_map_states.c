@@ -394,7 +394,7 @@ static void check_lookup(const sps_tmap *map, const spsi_shadow_table *table, co
 
 /* The map of a light, evaluated at a table's planes, as for pictures. */
 static void evaluate(const sps_tmap *map, spsi_shadow_table *table) {
-    spsi_evaluation job = {map, table};
+    sps_tmap own = *map;
     memset(table, 0, sizeof *table);
     table->grid = map->grid;
     table->planes = 256;
@@ -402,7 +402,11 @@ static void evaluate(const sps_tmap *map, spsi_shadow_table *table) {
     spsi_buffer_reserve(map->context, &table->pairs,
                         (size_t)spsi_shadow_table_blocks(&table->grid) * SPSI_SHADOW_TABLE_TEXELS * 256,
                         sizeof(uint32_t));
-    for (int row = 0; row < map->grid.rays[0].height * map->grid.face_count; ++row) spsi_evaluate_row_task(&job, row);
+    own.table = table;
+    for (size_t i = 0; i < spsi_light_grid_texels(&map->grid); ++i) {
+        const spsi_texel texel = spsi_tmap_texel(map, i);
+        spsi_shadow_table_store(&own, i, &texel);
+    }
 }
 
 /* The shadow on a picture's gas agrees with sps_tmap_query to a plane's distance, even beyond the map's edges, behind the light, before

@@ -464,7 +464,7 @@ typedef enum sps_tmap_technique {
     /* Only for sps_light.shadow_map: a shadow table, after [Ebert & Parent 1990]. Optical depth at n even planes,
        interpolated linearly, in steps of 16 / 65535; beyond 16 all is dark (FORWARD: 64). n 8..1024. Default: as wide
        as a texel of the light's sheets and as long, at most 256 along each side. At most 2^28 entries of 4 bytes.
-       Cached and updated from call to call. */
+       Cached from call to call. */
     SPS_TMAP_TABLE,
     /* Shadow map [Williams 1978]: only the depth of the first opaque surface (sps_tmap_surfaces), without gas and
        translucent polygons. An error in sps_light.shadow_map. No components. */

@@ -1040,85 +1040,6 @@ static void bench_all_tables(void) {
     ex_grid_free(&grid);
 }
 
-/* A still gas and a denser cube in it, of an eighth of its volume, which moves. */
-typedef struct cube_gas {
-    int n;     /* voxels along an edge */
-    double at; /* x of the cube's middle, in 0..1 */
-} cube_gas;
-
-static int cube_gas_read(void *user, const int low[3], const int size[3], float *out) {
-    const cube_gas *gas = (const cube_gas *)user;
-    for (int z = low[2]; z < low[2] + size[2]; ++z)
-        for (int y = low[1]; y < low[1] + size[1]; ++y)
-            for (int x = low[0]; x < low[0] + size[0]; ++x) {
-                const int across = abs(2 * y + 1 - gas->n) <= gas->n / 2 && abs(2 * z + 1 - gas->n) <= gas->n / 2;
-                const double aside = (x + 0.5) / gas->n - gas->at;
-                *out++ = 0.2f + 0.1f * (float)((x ^ y ^ z) & 3) + (across && fabs(aside) <= 0.25 ? 0.5f : 0);
-            }
-    return 0;
-}
-
-/* Frames of that gas: the cube moves in all but HELD_STILL. The light of TURNED turns too, so that its table is made
-   anew; the gas of UNMARKED has no revision, so that its table is made without fingerprints. */
-enum { UPDATED, TURNED, UNMARKED, HELD_STILL, UPDATE_KINDS };
-
-typedef struct update_trial {
-    cube_gas gas;
-    sps_tmap_settings table;
-    frame frame;
-    ex_session session;
-} update_trial;
-
-static void update_trial_begin(update_trial *t, int n, int kind) {
-    memset(t, 0, sizeof *t);
-    t->gas.n = n, t->gas.at = 0.4;
-    t->table.technique = SPS_TMAP_TABLE;
-    ex_session_measure(&t->session, program, WORKERS);
-    blob_frame(&t->frame, n, 64);
-    t->frame.volume.eval_fn = NULL, t->frame.volume.read_fn = cube_gas_read, t->frame.volume.user = &t->gas;
-    t->frame.volume.revision = kind != UNMARKED;
-    t->frame.light.shadow_map = &t->table;
-}
-
-/* Renders the next frame. Returns the time of the stage in which tables are made. */
-static double update_trial_step(update_trial *t, int kind, sps_stats_report *stats) {
-    if (kind != HELD_STILL) t->gas.at += 0.01;
-    if (kind == UPDATED || kind == TURNED) t->frame.volume.revision += 1;
-    if (kind == TURNED) t->frame.light.direction[0] += 1e-3;
-    render_seconds(&t->session, &t->frame, &t->frame.view);
-    sps_get_stats(t->session.context, stats);
-    return stats->seconds_light;
-}
-
-/* What a table costs whose gas has changed in part, beside a new one and one that is held. */
-static void bench_updates(void) {
-    enum { N = 128, FRAMES = 9 };
-    static update_trial trials[UPDATE_KINDS];
-    double seconds[UPDATE_KINDS][FRAMES], medians[UPDATE_KINDS], share = 0;
-    for (int kind = 0; kind < UPDATE_KINDS; ++kind) update_trial_begin(&trials[kind], N, kind);
-    for (int i = -1; i < FRAMES; ++i)
-        for (int kind = 0; kind < UPDATE_KINDS; ++kind) {
-            sps_stats_report stats;
-            const double took = update_trial_step(&trials[kind], kind, &stats);
-            const double made = (double)stats.table_patches_made;
-            if (i >= 0) seconds[kind][i] = took;
-            if (kind == UPDATED) share = made / (made + (double)stats.table_patches_held);
-        }
-    for (int kind = 0; kind < UPDATE_KINDS; ++kind) {
-        medians[kind] = ex_percentile(seconds[kind], FRAMES, 0.5);
-        ex_session_end(&trials[kind].session);
-        frame_end(&trials[kind].frame);
-    }
-    printf("\nShadow table of a gas of %d^3 voxels, of which a cube of an eighth moves, 2 workers\n", N);
-    plain("made anew, light and cube moved", medians[TURNED], "s");
-    plain("... without fingerprints", medians[UNMARKED], "s");
-    plain("updated, cube moved", medians[UPDATED], "s");
-    plain("held", medians[HELD_STILL], "s");
-    plain("share of its patches that an update fills", 100 * share, "%");
-    at_most("updated / made anew", medians[UPDATED] / medians[TURNED], "", 0.75);
-    at_most("made anew / without fingerprints", medians[TURNED] / medians[UNMARKED], "", 1.15);
-}
-
 /* One light and two, by maps and by sheets: lights with maps share one eye sweep. */
 static void bench_lights(void) {
     enum { GRID = 64, SIZE = 512 };
@@ -1540,7 +1461,6 @@ static void bench_basics(void) {
 static void bench_shadows(void) {
     bench_lights();
     bench_all_tables();
-    bench_updates();
     bench_penumbrae();
 }
 

@@ -3652,14 +3652,10 @@ SPSI_COLD void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bo
     bounds[1] = (before + here) / whole;
 }
 
-/* Bounds of the fraction before u. Returns the bias, at least that of `biases`. */
-SPSI_COLD double spsi_moment_bounds(const sps_tmap_settings *settings, const float *texel, float u,
-                                    const double biases[2], double bounds[2]) {
-    spsi_hankel hankel;
-    const double bias = biases[(settings->components - 5) / 2];
-    const double share = spsi_hankel_build(&hankel, texel, settings->components, bias);
-    spsi_hankel_bounds(&hankel, 2 * (double)u - 1, bounds);
-    return share;
+/* Returns the bias, at least that of `biases`. */
+SPSI_COLD double spsi_moment_factor(const sps_tmap_settings *settings, const float *texel, const double biases[2],
+                                    spsi_hankel *hankel) {
+    return spsi_hankel_build(hankel, texel, settings->components, biases[(settings->components - 5) / 2]);
 }
 
 /* Biases of [Muenstermann et al. 2018] for floats. Cost: factorising 3 or 4 rows, roots of degree 2 or 3. Exact at u =
@@ -3668,11 +3664,13 @@ SPSI_COLD void spsi_moment_depths(const sps_tmap_settings *settings, const spsi_
                                   const float *u, float *depths) {
     static const double biases[2] = {5e-7, 5e-6};
     const float *values = (const float *)texel->data;
+    spsi_hankel hankel;
+    if (values[0] > 0) spsi_moment_factor(settings, values, biases, &hankel);
     for (int k = 0; k < count; ++k) {
         double bounds[2] = {0, 0};
         depths[k] = values[0];
         if (u[k] >= 1) continue;
-        if (values[0] > 0) spsi_moment_bounds(settings, values, u[k], biases, bounds);
+        if (values[0] > 0) spsi_hankel_bounds(&hankel, 2 * (double)u[k] - 1, bounds);
         depths[k] = (float)(0.5 * (bounds[0] + bounds[1]) * (double)values[0]);
     }
 }
@@ -3683,12 +3681,14 @@ static void spsi_moment_bracket(const sps_tmap_settings *settings, const spsi_te
                                 float bracket[2]) {
     static const double biases[2] = {3e-5, 6e-4};
     const float *values = (const float *)texel->data;
+    spsi_hankel hankel;
     double bounds[2];
     spsi_moment_depths(settings, texel, 1, &u, bracket);
     bracket[1] = bracket[0];
     const double whole = (double)values[0], answer = (double)bracket[0];
     if (!(whole > 0) || u >= 1) return;
-    const double share = spsi_moment_bounds(settings, values, u, biases, bounds);
+    const double share = spsi_moment_factor(settings, values, biases, &hankel);
+    spsi_hankel_bounds(&hankel, 2 * (double)u - 1, bounds);
     bracket[0] = (float)(share < 1 ? spsi_dmin(spsi_dmax((bounds[0] - share) / (1 - share), 0) * whole, answer) : 0);
     bracket[1] = (float)(share < 1 ? spsi_dmax(spsi_dmin(bounds[1] / (1 - share), 1) * whole, answer) : whole);
 }
@@ -3708,7 +3708,7 @@ static const spsi_technique spsi_techniques[] = {
      spsi_moment_bracket},
     {"a Beer map", 3, 3, 1, 3, 0, 0, 1, spsi_opacity_insert, spsi_opacity_finish, spsi_opacity_depths,
      spsi_opacity_bracket},
-    {"a shadow table", 8, 1024, 1, 256, 0, 0, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL},
+    {"a shadow table", 8, 1024, 1, 256, 0, 0, 0, spsi_opacity_insert, NULL, NULL, NULL},
     {"a depth map", 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL},
 };
 
@@ -13232,6 +13232,12 @@ static void spsi_tmap_within(const sps_tmap *map, const spsi_texel *texel, int c
 
 #define SPSI_SHADOW_TABLE_PLANES_MOST 1024
 
+/* 1: a light's map with the planes of its table. */
+static int spsi_tmap_is_table(const sps_tmap *map) {
+    const int is_even = map->settings.technique == SPS_TMAP_TABLE || spsi_settings_are_even(&map->settings);
+    return map->table && is_even && map->settings.components == map->table->planes;
+}
+
 /* Optical depths of gas in a texel, before rising u. */
 static void spsi_tmap_depths(const sps_tmap *map, const spsi_texel *texel, int count, const float *u, float *depths) {
     float within[SPSI_SHADOW_TABLE_PLANES_MOST];
@@ -13791,40 +13797,49 @@ SPSI_COLD sps_result spsi_fill_volumes(spsi_filling *filling) {
 
 /* --- a band of sums --- */
 
-/* Evaluates a texel of a light's map at the table's planes, unless it has the same, and packs them. */
-static void spsi_shadow_table_store(const sps_tmap *map, size_t index, const spsi_texel *texel) {
-    const spsi_shadow_table *table = map->table;
+/* Packs a texel's planes. depths[k * stride] is before plane k or, for sums, from plane k - 1 to k. */
+static void spsi_shadow_table_store(const spsi_shadow_table *table, size_t texel, const float *depths, size_t stride,
+                                    int are_sums) {
     const int planes = table->planes, side = SPSI_SHADOW_TABLE_SIDE, width = table->grid.rays[0].width;
-    const int x = (int)(index % (size_t)width), y = (int)(index / (size_t)width);
+    const int x = (int)(texel % (size_t)width), y = (int)(texel / (size_t)width);
     const size_t block = (size_t)(y / side) * (size_t)spsi_shadow_table_columns(&table->grid) + (size_t)(x / side);
     uint32_t *to = (uint32_t *)table->pairs.data + block * (size_t)planes * SPSI_SHADOW_TABLE_TEXELS;
-    const float *depths = (const float *)texel->data, end = table->end;
-    float u[SPSI_SHADOW_TABLE_PLANES_MOST], evaluated[SPSI_SHADOW_TABLE_PLANES_MOST], whole = 1; /* u, then depth */
+    const float end = table->end;
     uint32_t before = 0;
-    if (map->technique->depths && !(spsi_settings_are_even(&map->settings) && map->settings.components == planes)) {
-        memset(evaluated, 0, (size_t)planes * sizeof *evaluated);
-        spsi_tmap_depths(map, texel, 1, &whole, &whole);
-        for (int k = 0; k < planes; ++k) u[k] = (float)(k + 1) / (float)planes;
-        if (whole > 0) spsi_tmap_depths(map, texel, planes, u, evaluated);
-        depths = evaluated;
-    }
+    double sum = 0;
     for (int k = 0; k < planes; ++k) {
-        const float steps = spsi_fmax(0, spsi_fmin(depths[k], end)) * (SPSI_SHADOW_TABLE_MOST / end);
+        sum = (are_sums ? sum : 0) + (double)depths[(size_t)k * stride];
+        const float steps = spsi_fmax(0, spsi_fmin((float)sum, end)) * (SPSI_SHADOW_TABLE_MOST / end);
         const uint32_t next = (uint32_t)(steps + 0.5f);
         to[k * SPSI_SHADOW_TABLE_TEXELS + y % side * side + x % side] = before | next << 16;
         before = next;
     }
 }
 
+/* Evaluates a texel of a light's map at the planes of its table. */
+static void spsi_shadow_table_evaluate(const sps_tmap *map, size_t index, const spsi_texel *texel) {
+    const int planes = map->table->planes;
+    float u[SPSI_SHADOW_TABLE_PLANES_MOST], depths[SPSI_SHADOW_TABLE_PLANES_MOST], whole = 1; /* u, then depth */
+    memset(depths, 0, (size_t)planes * sizeof *depths);
+    spsi_tmap_depths(map, texel, 1, &whole, &whole);
+    for (int k = 0; k < planes; ++k) u[k] = (float)(k + 1) / (float)planes;
+    if (whole > 0) spsi_tmap_depths(map, texel, planes, u, depths);
+    spsi_shadow_table_store(map->table, index, depths, 1, 0);
+}
+
 static void spsi_store_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
     const sps_tmap *map = filling->map;
-    const int components = map->inner.components;
-    float own[SPSI_SHADOW_TABLE_PLANES_MOST];
+    const int components = map->inner.components, is_table = spsi_tmap_is_table(map);
+    float own[SPSI_TMAP_COMPONENTS];
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
     for (int i = 0; i < into.width * into.height; ++i) {
         const size_t texel = spsi_map_tile_texel(&into, into.x0 + i % into.width, into.y0 + i / into.width);
+        if (is_table) {
+            spsi_shadow_table_store(map->table, texel, into.sums + i, into.stride, 1);
+            continue;
+        }
         float *out = map->table ? own : (float *)map->data.texels.data + texel * (size_t)map->settings.components;
         if (map->has_range) {
             *out++ = into.ranges[i];
@@ -13833,7 +13848,7 @@ static void spsi_store_task(void *data, int index) {
         for (int k = 0; k < components; ++k) out[k] = into.sums[(size_t)k * into.stride + (size_t)i];
         if (map->technique->finish) map->technique->finish(&map->inner, out);
         const spsi_texel whole = {out, 0};
-        if (map->table) spsi_shadow_table_store(map, texel, &whole);
+        if (map->table) spsi_shadow_table_evaluate(map, texel, &whole);
     }
 }
 
@@ -13931,7 +13946,7 @@ static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
             memcpy((void *)list, fitting->nodes, items.count * sizeof(spsi_node));
     }
     filling->band.cursors[in_band] = items.count;
-    if (filling->map->table) spsi_shadow_table_store(filling->map, texel, &items);
+    if (filling->map->table) spsi_shadow_table_evaluate(filling->map, texel, &items);
 }
 
 /* Moves items to their final place; fits again if they did not fit into the list. */

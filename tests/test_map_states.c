@@ -405,7 +405,7 @@ static void evaluate(const sps_tmap *map, spsi_shadow_table *table) {
     own.table = table;
     for (size_t i = 0; i < spsi_light_grid_texels(&map->grid); ++i) {
         const spsi_texel texel = spsi_tmap_texel(map, i);
-        spsi_shadow_table_store(&own, i, &texel);
+        spsi_shadow_table_evaluate(&own, i, &texel);
     }
 }
 

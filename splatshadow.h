@@ -19443,18 +19443,20 @@ typedef struct spsi_incident {
 /* A part, relative to a light. */
 typedef struct spsi_reach {
     spsi_v middle[3];
-    spsi_v half;
-    spsi_v pixel;     /* world size of a pixel */
+    spsi_v half;     /* length; negative: ends are ordered towards the eye */
+    spsi_v pixel;    /* world size of a pixel */
+    spsi_v edges[4]; /* where a cone begins, is whole, is no longer, and ends, as fractions of the part */
+    spsi_v width[3]; /* between them, precise */
     /* with a cone or cookie, in the light's frame: */
-    spsi_v ends[2][3], normal[3]; /* normal of the plane of light and ray */
-    /* centre of the lit range; the range, as fractions of the part */
-    spsi_v centre[3], lit[2];
-    spsi_v width;                 /* precise lit[1] - lit[0] */
+    spsi_v places[4][3], normal[3]; /* places of edges; normal of the plane of light and ray */
 } spsi_reach;
 
 static void spsi_reach_build(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
                              const spsi_subslab *part, spsi_reach *reach) {
-    reach->half = spsi_mul(part->half, p->length);
+    const spsi_m away = spsi_less(part->ends[0], part->ends[1]);
+    reach->half = spsi_mul(part->half, spsi_select(away, p->length, spsi_sub(spsi_set(0), p->length)));
+    for (int k = 0; k < 4; ++k) reach->edges[k] = spsi_set(k < 2 ? 0.0f : 1.0f);
+    for (int k = 0; k < 3; ++k) reach->width[k] = spsi_sub(reach->edges[k + 1], reach->edges[k]);
     reach->pixel = spsi_pixel_size(shader->eye, part->middle);
     for (int i = 0; i < 3; ++i) {
         const spsi_v at = spsi_linear_find(&shader->position[i], p->at, (float)p->y, part->middle);
@@ -19462,18 +19464,18 @@ static void spsi_reach_build(const spsi_shader *shader, const spsi_light *light,
     }
 }
 
-/* The direction that bisects a part's angle: 1 / r^2 weights angles equally. */
+/* The direction that bisects the lit range's angle: 1 / r^2 weights angles equally. */
 static void spsi_light_travel(const spsi_light *light, const spsi_pixels *p, const spsi_reach *reach,
                               spsi_v travel[3]) {
+    const spsi_v one = spsi_set(1);
     spsi_v ends[2][3], square;
     if (!light->is_point) {
         spsi_set3(light->direction, travel);
         return;
     }
     for (int end = 0; end < 2; ++end) {
-        for (int i = 0; i < 3; ++i)
-            ends[end][i] =
-                spsi_fma(reach->half, end ? p->toward[i] : spsi_sub(spsi_set(0), p->toward[i]), reach->middle[i]);
+        const spsi_v edge = reach->edges[3 * end], way = spsi_mul(reach->half, spsi_sub(spsi_add(edge, edge), one));
+        for (int i = 0; i < 3; ++i) ends[end][i] = spsi_fma(way, p->toward[i], reach->middle[i]);
         square = spsi_max(spsi_dot_v(ends[end], ends[end]), spsi_set(FLT_MIN));
         for (int i = 0; i < 3; ++i) ends[end][i] = spsi_div(ends[end][i], spsi_sqrt(square));
     }
@@ -19482,11 +19484,15 @@ static void spsi_light_travel(const spsi_light *light, const spsi_pixels *p, con
     for (int i = 0; i < 3; ++i) travel[i] = spsi_div(travel[i], spsi_sqrt(square));
 }
 
-static spsi_v spsi_light_falloff(const spsi_pixels *p, const spsi_reach *reach) {
+/* Mean of 1 / r^2 between two edges. */
+static spsi_v spsi_light_falloff(const spsi_pixels *p, const spsi_reach *reach, int first, int last) {
     const spsi_v s = spsi_dot_v(reach->middle, p->toward), beside = spsi_mul(reach->pixel, spsi_set(SPSI_LIGHT_PIXELS));
+    const spsi_v from = reach->edges[first], to = reach->edges[last];
+    const spsi_v aside = spsi_mul(reach->half, spsi_sub(spsi_add(from, to), spsi_set(1)));
+    const spsi_v half = spsi_mul(spsi_abs(reach->half), spsi_sub(to, from));
     spsi_v foot[3];
     for (int i = 0; i < 3; ++i) foot[i] = spsi_sub(reach->middle[i], spsi_mul(s, p->toward[i]));
-    return spsi_mean_inverse_square(spsi_max(beside, spsi_sqrt(spsi_dot_v(foot, foot))), s, reach->half);
+    return spsi_mean_inverse_square(spsi_max(beside, spsi_sqrt(spsi_dot_v(foot, foot))), spsi_add(s, aside), half);
 }
 
 /* Ends in the light's frame, precise near the axis. */
@@ -19515,127 +19521,66 @@ static void spsi_reach_place(const spsi_shader *shader, const spsi_light *light,
             at[2][k][n] = (t[1][n] - t[0][n]) * (float)(from[i][n] * step[j][n] - from[j][n] * step[i][n]);
     }
     for (int k = 0; k < 3; ++k) {
-        for (int end = 0; end < 2; ++end) reach->ends[end][k] = spsi_load(at[end][k]);
+        for (int edge = 0; edge < 4; ++edge) reach->places[edge][k] = spsi_load(at[edge / 2][k]);
         reach->normal[k] = spsi_load(at[2][k]);
-        reach->centre[k] = spsi_mul(spsi_add(reach->ends[0][k], reach->ends[1][k]), spsi_set(0.5f));
     }
-    reach->lit[0] = spsi_set(0);
-    reach->lit[1] = reach->width = spsi_set(1);
 }
 
-/* A segment relative to a spotlight. phi is a point's angle from the direction nearest to the axis; tan(phi) is s / z.
-   u = tan(phi / 2) stays precise in narrow cones. */
-typedef struct spsi_spot_segment {
-    spsi_v axial, versine; /* cosine between the axis and the plane of light and segment; 1 - cos */
-    spsi_v s, z, ds, dz;   /* at the beginning, and differences */
-    spsi_v area;
-} spsi_spot_segment;
-
-/* Fraction 0..1 of the segment at u. `across`: derivative of phi there, times q r^2. */
-static spsi_v spsi_spot_segment_fraction(const spsi_spot_segment *g, spsi_v u, spsi_v *across) {
-    const spsi_v c = spsi_sub(spsi_set(1), spsi_mul(u, u)), s = spsi_add(u, u);
-    const spsi_v way = spsi_sub(spsi_mul(s, g->z), spsi_mul(c, g->s));
-    *across = spsi_max(spsi_sub(spsi_mul(c, g->ds), spsi_mul(s, g->dz)), spsi_set(FLT_MIN));
-    return spsi_clamp(spsi_div(way, *across), spsi_set(0), spsi_set(1));
-}
-
-/* Integral of a cone's light over phi / 2, or without falloff over the segment's fraction. [Gauss and Legendre] */
-static spsi_v spsi_spot_segment_sum(const spsi_spot_segment *g, const spsi_light *light, spsi_v a, spsi_v b) {
-    const spsi_v way = spsi_sub(b, a), one = spsi_set(1);
-    spsi_v sum = spsi_set(0);
-    for (int i = 0; i < 3; ++i) {
-        const spsi_v u = spsi_fma(way, spsi_set((float)spsi_gauss_places[i]), a);
-        const spsi_v square = spsi_mul(u, u), q = spsi_add(one, square);
-        const spsi_v more = spsi_div(spsi_mul(g->axial, spsi_add(square, square)), q);
-        const spsi_v arriving = spsi_cone_fraction(&light->cone, spsi_add(g->versine, more));
-        spsi_v across, speed = spsi_div(one, q);
-        spsi_spot_segment_fraction(g, u, &across);
-        if (!light->falls_off) speed = spsi_div(spsi_div(spsi_mul(spsi_add(g->area, g->area), q), across), across);
-        sum =
-            spsi_fma(spsi_mul(arriving, spsi_set((float)spsi_gauss_weights[i])), spsi_min(speed, spsi_set(1e30f)), sum);
-    }
-    return spsi_mul(way, sum);
-}
-
-static void spsi_spot_segment_centre(const spsi_spot_segment *g, const spsi_v n[3], spsi_v u, spsi_m lanes,
-                                     spsi_reach *reach) {
-    const spsi_v one = spsi_set(1), square = spsi_mul(u, u), c = spsi_sub(one, square);
-    spsi_v at[3], r, s, across, share = spsi_spot_segment_fraction(g, u, &across);
-    for (int k = 0; k < 3; ++k) at[k] = spsi_mix(reach->ends[0][k], reach->ends[1][k], share);
-    r = spsi_sqrt(spsi_dot_v(at, at));
-    r = spsi_div(r, spsi_max(spsi_mul(spsi_add(one, square), g->axial), spsi_set(FLT_MIN)));
-    s = spsi_mul(spsi_add(u, u), r), r = spsi_mul(c, r);
-    at[0] = spsi_sub(spsi_mul(s, n[1]), spsi_mul(spsi_mul(r, n[2]), n[0]));
-    at[1] = spsi_sub(spsi_mul(spsi_sub(spsi_set(0), s), n[0]), spsi_mul(spsi_mul(r, n[2]), n[1]));
-    at[2] = spsi_mul(spsi_mul(g->axial, g->axial), r);
-    for (int k = 0; k < 3; ++k) reach->centre[k] = spsi_select(lanes, at[k], reach->centre[k]);
-}
-
-/* Mean of a cone over a part, weighted by 1 / r^2 with falloff. Also sets the lit range. Parts along or behind the
-   light's rays take their middle's value. */
-static spsi_v spsi_cone_mean(const spsi_light *light, spsi_reach *reach) {
+/* phi is a point's angle from the direction nearest to the axis, in the plane of light and part; tan(phi) is s / z. u =
+   tan(phi / 2) stays precise in narrow cones. Parts along the light's rays count as rim. */
+static void spsi_cone_edges(const spsi_light *light, spsi_reach *reach) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), tiny = spsi_set(FLT_MIN);
-    const spsi_v size = spsi_sqrt(spsi_max(spsi_dot_v(reach->normal, reach->normal), tiny));
-    const spsi_v nx = spsi_div(reach->normal[0], size), ny = spsi_div(reach->normal[1], size);
-    const spsi_v nz = spsi_div(reach->normal[2], size);
-    spsi_v even = spsi_cone_fraction(&light->cone, spsi_versine_v(reach->centre));
-    spsi_v n[3], s[2], u[2], outer[2], inner[2], across[2], sum, share;
-    spsi_spot_segment g;
-    g.axial = spsi_sqrt(spsi_fma(nx, nx, spsi_mul(ny, ny)));
-    g.versine = spsi_div(spsi_mul(nz, nz), spsi_add(one, g.axial));
+    const spsi_v per = spsi_div(one, spsi_sqrt(spsi_max(spsi_dot_v(reach->normal, reach->normal), tiny)));
+    const spsi_v nx = spsi_mul(reach->normal[0], per), ny = spsi_mul(reach->normal[1], per);
+    const spsi_v nz = spsi_mul(reach->normal[2], per);
+    const spsi_v axial = spsi_sqrt(spsi_fma(nx, nx, spsi_mul(ny, ny))); /* cosine between axis and plane */
+    const spsi_v versine = spsi_div(spsi_mul(nz, nz), spsi_add(one, axial));
+    const spsi_v z = reach->places[0][2], dz = spsi_sub(reach->places[3][2], z);
+    spsi_v ends[2][3], place[3], s[2], u[2], rims[2], at[4], slow[4], share = zero, still = zero;
     for (int k = 0; k < 2; ++k) {
-        const spsi_v *end = reach->ends[k];
-        const spsi_v away = spsi_mul(spsi_sqrt(spsi_dot_v(end, end)), g.axial);
+        const spsi_v *end = ends[k];
+        const spsi_v edge = spsi_sub(spsi_set((float)(light->cone.none - k * light->cone.rim)), versine);
+        const spsi_v rest = spsi_sub(spsi_add(axial, axial), edge);
+        rims[k] = spsi_sqrt(spsi_div(spsi_max(edge, zero), spsi_max(rest, spsi_fma(axial, spsi_set(1e-12f), tiny))));
+        memcpy(ends[k], reach->places[3 * k], sizeof ends[k]);
+        const spsi_v away = spsi_mul(spsi_sqrt(spsi_dot_v(end, end)), axial);
         s[k] = spsi_sub(spsi_mul(end[0], ny), spsi_mul(end[1], nx));
         u[k] = spsi_div(s[k], spsi_max(spsi_add(away, end[2]), spsi_fma(away, spsi_set(1e-6f), tiny)));
     }
-    g.s = s[0], g.ds = spsi_sub(s[1], s[0]);
-    g.z = reach->ends[0][2], g.dz = spsi_sub(reach->ends[1][2], g.z);
-    g.area = spsi_sub(spsi_mul(g.z, g.ds), spsi_mul(g.s, g.dz));
-    spsi_m turns = spsi_less(spsi_mul(spsi_abs(u[0]), spsi_set(1e-5f)), spsi_sub(u[1], u[0]));
-    for (int k = 0; k < 2; ++k) {
-        const spsi_v edge = spsi_sub(spsi_set((float)(light->cone.none - k * light->cone.rim)), g.versine);
-        const spsi_v square = spsi_max(spsi_div(edge, spsi_max(spsi_add(g.axial, g.axial), tiny)), zero);
-        const spsi_v rim = spsi_sqrt(spsi_div(square, spsi_max(spsi_sub(one, square), spsi_set(1e-12f))));
-        spsi_v *end = k ? inner : outer;
-        end[0] = spsi_clamp(spsi_sub(zero, rim), u[0], u[1]);
-        end[1] = spsi_clamp(rim, u[0], u[1]);
+    const spsi_v ds = spsi_sub(s[1], s[0]), area = spsi_sub(spsi_mul(z, ds), spsi_mul(s[0], dz));
+    const spsi_m turns = spsi_less(spsi_mul(spsi_abs(u[0]), spsi_set(1e-5f)), spsi_sub(u[1], u[0]));
+    for (int k = 0; k < 4; ++k) {
+        at[k] = spsi_clamp(k < 2 ? spsi_sub(zero, rims[k]) : rims[3 - k], u[0], u[1]);
+        if (k == 0 || spsi_bits(spsi_less(at[k - 1], at[k]))) {
+            const spsi_v square = spsi_mul(at[k], at[k]), c = spsi_sub(one, square), twice = spsi_add(at[k], at[k]);
+            const spsi_v way = spsi_sub(spsi_mul(twice, z), spsi_mul(c, s[0]));
+            still = spsi_div(one, spsi_max(spsi_sub(spsi_mul(c, ds), spsi_mul(twice, dz)), tiny));
+            share = spsi_clamp(spsi_mul(way, still), zero, one);
+            for (int i = 0; i < 3; ++i) place[i] = spsi_mix(ends[0][i], ends[1][i], share);
+            const spsi_v r = spsi_sqrt(spsi_dot_v(place, place));
+            const spsi_v unit = spsi_div(r, spsi_max(spsi_mul(spsi_add(one, square), axial), tiny));
+            const spsi_v beside = spsi_mul(twice, unit), ahead = spsi_mul(c, unit), tilted = spsi_mul(ahead, nz);
+            place[0] = spsi_sub(spsi_mul(beside, ny), spsi_mul(tilted, nx));
+            place[1] = spsi_sub(zero, spsi_fma(beside, nx, spsi_mul(tilted, ny)));
+            place[2] = spsi_mul(spsi_mul(axial, axial), ahead);
+        }
+        slow[k] = still;
+        reach->edges[k] = spsi_select(turns, share, spsi_set(k > 0 ? 1.0f : 0.0f));
+        for (int i = 0; i < 3; ++i) reach->places[k][i] = spsi_select(turns, place[i], ends[k > 0][i]);
     }
-    spsi_m lit = spsi_and(turns, spsi_less(outer[0], outer[1]));
-    even = spsi_select(turns, spsi_select(lit, one, zero), even);
-    if (!spsi_bits(spsi_and(lit, spsi_less(spsi_sub(inner[1], inner[0]), spsi_sub(u[1], u[0]))))) return even;
-    sum = spsi_add(spsi_spot_segment_sum(&g, light, outer[0], inner[0]),
-                   spsi_spot_segment_sum(&g, light, inner[1], outer[1]));
-    if (light->falls_off) {
-        const spsi_v all = spsi_angle(spsi_fma(u[0], u[1], one), spsi_sub(u[1], u[0]));
-        const spsi_v bright = spsi_angle(spsi_fma(inner[0], inner[1], one), spsi_sub(inner[1], inner[0]));
-        sum = spsi_div(spsi_add(sum, bright), spsi_max(all, tiny));
-    } else
-        sum = spsi_add(sum, spsi_spot_segment_sum(&g, light, inner[0], inner[1]));
-    for (int k = 0; k < 2; ++k)
-        reach->lit[k] = spsi_select(lit, spsi_spot_segment_fraction(&g, outer[k], &across[k]), reach->lit[k]);
-    share = spsi_mul(spsi_mul(spsi_sub(outer[1], outer[0]), spsi_fma(outer[0], outer[1], one)), g.area);
-    share = spsi_div(spsi_div(spsi_add(share, share), across[0]), across[1]);
-    reach->width = spsi_select(lit, share, reach->width);
-    n[0] = nx, n[1] = ny, n[2] = nz;
-    spsi_spot_segment_centre(&g, n, spsi_mul(spsi_add(outer[0], outer[1]), spsi_set(0.5f)), lit, reach);
-    return spsi_select(lit, spsi_min(sum, one), even);
+    for (int k = 0; k < 3; ++k) {
+        const spsi_v between = spsi_mul(spsi_sub(at[k + 1], at[k]), spsi_fma(at[k], at[k + 1], one));
+        const spsi_v width = spsi_mul(spsi_mul(spsi_mul(spsi_add(between, between), area), slow[k]), slow[k + 1]);
+        reach->width[k] = spsi_select(turns, spsi_clamp(width, zero, one), spsi_set(k > 0 ? 0.0f : 1.0f));
+    }
 }
 
-/* Transmission of a cone, if optical depth changes by `change` along the part: the lit range is attenuated differently.
-   `travel` receives the direction at its centre. */
-static spsi_v spsi_cone_over(const spsi_light *light, spsi_v change, spsi_reach *reach, spsi_v travel[3]) {
-    const spsi_v mean = spsi_cone_mean(light, reach), less = spsi_max(spsi_sub(spsi_set(0), change), spsi_set(0));
-    const spsi_v first = spsi_fma(change, reach->lit[0], less), last = spsi_fma(change, reach->lit[1], less);
+/* How much less the lit range is attenuated than the part, if optical depth changes by `change` along the part. */
+static spsi_v spsi_cone_passes(const spsi_reach *reach, spsi_v change) {
+    const spsi_v less = spsi_max(spsi_sub(spsi_set(0), change), spsi_set(0));
+    const spsi_v first = spsi_fma(change, reach->edges[0], less), last = spsi_fma(change, reach->edges[3], less);
     const spsi_v all = spsi_mean_transmittance(less, spsi_add(change, less));
-    const spsi_v r = spsi_sqrt(spsi_max(spsi_dot_v(reach->centre, reach->centre), spsi_set(FLT_MIN)));
-    for (int i = 0; i < 3; ++i) {
-        const double axis[3] = {light->across[0][i], light->across[1][i], light->direction[i]};
-        spsi_v row[3];
-        spsi_set3(axis, row);
-        travel[i] = spsi_div(spsi_dot_v(row, reach->centre), r);
-    }
-    return spsi_mul(mean, spsi_div(spsi_mean_transmittance(first, last), all));
+    return spsi_div(spsi_mean_transmittance(first, last), all);
 }
 
 /* Returns 1 if a cone covers all parts, -1 if it misses them, 0 otherwise. At an angle a from the axis, the root of 1 -
@@ -19655,42 +19600,58 @@ static int spsi_cone_meets(const spsi_light *light, const spsi_reach *reach) {
     return spsi_bits(spsi_less(spsi_mul(whole, whole), spsi_add(versine, error))) ? 0 : 1;
 }
 
-#define SPSI_IMAGE_STEPS 4 /* cookie lookups along a part */
-
-/* Multiplies by a part's mean cookie, weighted by the cone. [Gauss and Legendre] The footprint is at least a step wide,
-   against moire. */
-static void spsi_incident_color(const spsi_frame *frame, const spsi_light *light, const spsi_pixels *p,
-                                const spsi_reach *reach, spsi_incident *incident) {
-    static const float places[] = {-0.430568156f, -0.169990522f, 0.169990522f, 0.430568156f};
-    static const float weights[] = {0.173927423f, 0.326072577f, 0.326072577f, 0.173927423f};
-    const spsi_v share = spsi_set(1.0f / SPSI_IMAGE_STEPS), cosine = spsi_dot_v(p->toward, incident->travel);
-    const spsi_v sine = spsi_sqrt(spsi_max(spsi_sub(spsi_set(1), spsi_mul(cosine, cosine)), spsi_set(0)));
-    const spsi_v step = spsi_mul(spsi_mul(reach->half, sine), spsi_mul(reach->width, spsi_add(share, share)));
-    spsi_v color[3] = {spsi_set(0), spsi_set(0), spsi_set(0)}, sum = spsi_set(FLT_MIN);
-    for (int n = 0; n < SPSI_IMAGE_STEPS; ++n) {
-        const spsi_v along = spsi_mul(reach->width, spsi_set(places[n]));
-        spsi_v at[3], here[3], weight = spsi_set(weights[n]);
-        for (int i = 0; i < 3; ++i)
-            at[i] = spsi_fma(along, spsi_sub(reach->ends[1][i], reach->ends[0][i]), reach->centre[i]);
-        spsi_projection_lookup(frame, light, at, spsi_max(reach->pixel, step), here);
-        if (light->cone.exists) weight = spsi_mul(weight, spsi_cone_fraction(&light->cone, spsi_versine_v(at)));
-        for (int c = 0; c < 3; ++c) color[c] = spsi_fma(weight, here[c], color[c]);
+/* Mean color of cone and cookie from an edge to the next, weighted by 1 / r^2 with falloff. [Gauss and Legendre] The
+   footprint is at least a step wide, against moire. */
+static void spsi_light_mean(const spsi_frame *frame, const spsi_light *light, const spsi_reach *reach, spsi_v step,
+                            int edge, spsi_v color[3]) {
+    const int channels = light->projection.exists ? 3 : 1;
+    const spsi_v tiny = spsi_set(FLT_MIN);
+    spsi_v sum = tiny;
+    step = spsi_max(reach->pixel, spsi_mul(step, reach->width[edge]));
+    color[0] = color[1] = color[2] = spsi_set(0);
+    for (int n = 0; n < 3; ++n) {
+        const spsi_v along = spsi_set((float)spsi_gauss_places[n]);
+        spsi_v at[3], here[3] = {spsi_set(1)}, weight = spsi_set((float)spsi_gauss_weights[n]);
+        for (int i = 0; i < 3; ++i) at[i] = spsi_mix(reach->places[edge][i], reach->places[edge + 1][i], along);
+        if (light->falls_off) weight = spsi_div(weight, spsi_max(spsi_dot_v(at, at), tiny));
         sum = spsi_add(sum, weight);
+        if (light->cone.exists) weight = spsi_mul(weight, spsi_cone_fraction(&light->cone, spsi_versine_v(at)));
+        if (light->projection.exists) spsi_projection_lookup(frame, light, at, step, here);
+        for (int c = 0; c < channels; ++c) color[c] = spsi_fma(weight, here[c], color[c]);
     }
-    for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_mul(incident->irradiance[c], spsi_div(color[c], sum));
+    sum = spsi_div(spsi_set(1), sum);
+    for (int c = 0; c < 3; ++c) color[c] = c < channels ? spsi_mul(color[c], sum) : color[0];
 }
 
 /* Irradiance by a point of a light. A cone replaces the direction in `incident`. Returns 0 if dark. */
 static int spsi_light_point_at(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
                                const spsi_subslab *part, spsi_v change, spsi_reach *reach, spsi_incident *incident) {
-    const int rim = spsi_cone_meets(light, reach);
-    spsi_v irradiance = spsi_set(rim < 0 ? 0.0f : 1.0f);
-    if (light->falls_off && rim >= 0) irradiance = spsi_light_falloff(p, reach);
-    if (rim >= 0 && (light->projection.exists || rim == 0)) spsi_reach_place(shader, light, p, part, reach);
-    if (rim == 0) irradiance = spsi_mul(irradiance, spsi_cone_over(light, change, reach, incident->travel));
-    for (int c = 0; c < 3; ++c) incident->irradiance[c] = irradiance;
-    if (rim >= 0 && light->projection.exists) spsi_incident_color(shader->frame, light, p, reach, incident);
-    return rim >= 0;
+    const int rim = spsi_cone_meets(light, reach), varies = rim == 0 || light->projection.exists;
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    spsi_v passes = one;
+    for (int c = 0; c < 3; ++c) incident->irradiance[c] = zero;
+    if (rim < 0) return 0;
+    if (varies) spsi_reach_place(shader, light, p, part, reach);
+    if (rim == 0) {
+        spsi_cone_edges(light, reach);
+        const spsi_v lit = spsi_add(spsi_add(reach->width[0], reach->width[1]), reach->width[2]);
+        if (!spsi_bits(spsi_less(zero, lit))) return 0;
+        spsi_light_travel(light, p, reach, incident->travel);
+        passes = spsi_cone_passes(reach, change);
+    }
+    const spsi_v cosine = spsi_dot_v(p->toward, incident->travel);
+    const spsi_v sine = spsi_sqrt(spsi_max(spsi_sub(one, spsi_mul(cosine, cosine)), zero));
+    const spsi_v step = spsi_mul(spsi_mul(spsi_abs(reach->half), sine), spsi_set(2.0f / 3));
+    for (int edge = 0; edge < 3; ++edge) {
+        spsi_v color[3] = {one, one, one}, share = reach->width[edge];
+        if (!spsi_bits(spsi_less(zero, share))) continue;
+        share = spsi_mul(share, passes);
+        if (light->falls_off) share = spsi_mul(share, spsi_light_falloff(p, reach, edge, edge + 1));
+        if (light->projection.exists || (rim == 0 && edge != 1))
+            spsi_light_mean(shader->frame, light, reach, step, edge, color);
+        for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_fma(share, color[c], incident->irradiance[c]);
+    }
+    return 1;
 }
 
 /* Area lights take their centre's direction and the mean irradiance of their points. `change`: in optical depth along
@@ -19813,7 +19774,7 @@ static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow
     spsi_reach_build(shader, light, p, part, &reach);
     spsi_light_travel(light, p, &reach, travel);
     cosine = spsi_sub(spsi_set(0), spsi_dot_v(travel, p->toward));
-    if (light->falls_off) falloff = spsi_light_falloff(p, &reach);
+    if (light->falls_off) falloff = spsi_light_falloff(p, &reach, 0, 3);
     for (arriving.channel = 0; arriving.channel < shader->frame->channels; ++arriving.channel) {
         arriving.flux = spsi_mul(spsi_spread_flux(shadow->spread, arriving.channel, &place, &arriving.depth), falloff);
         if (!spsi_bits(spsi_less(spsi_set(0), arriving.flux))) continue;
@@ -21610,7 +21571,7 @@ static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_light *li
     spsi_reach reach;
     spsi_reach_build(&job->shader, light, &spot->pixels, &spot->part, &reach);
     spsi_v square = spsi_sphere_square(spsi_mul(spsi_dot_v(reach.middle, reach.middle), scale), spsi_set(0));
-    return spsi_div(scale, spsi_mul(square, spsi_light_falloff(&spot->pixels, &reach)));
+    return spsi_div(scale, spsi_mul(square, spsi_light_falloff(&spot->pixels, &reach, 0, 3)));
 }
 
 /* Moments are weighted by optical depth. */

@@ -16962,15 +16962,23 @@ static float *spsi_cell_sweep_row(const spsi_cell_sweep *sweep, int i, int y, in
            (size_t)(plane * (sweep->level->size[1] + 2) + y + 1) * spsi_cell_row_floats(sweep->level);
 }
 
-/* Sets what enters beside a row: light of polygons beyond the grid, as next to the nearest cell. */
+/* Sets what enters a row at its end: light of polygons beyond the grid, as next to the nearest cell. */
+static inline void spsi_cell_row_end(const spsi_cell_sweep *sweep, int i, size_t row, float *to) {
+    const spsi_cell_level *level = sweep->level;
+    const int ahead = sweep->directions[i]->step[0] > 0, size = level->size[0];
+    const spsi_cell_wall *wall = &level->walls[row + (size_t)(ahead ? 0 : size - 1)];
+    to[ahead ? -1 : size] = wall->outside >> (sweep->directions[i] - level->solver->directions) & 1 ? wall->sent : 0;
+}
+
+/* Sets what enters from a row beside the grid. */
 static void spsi_cell_row_border(const spsi_cell_sweep *sweep, int i, int y, int z) {
     const spsi_cell_level *level = sweep->level;
-    const int *size = level->size, outside = y < 0 || y >= size[1] || z < 0 || z >= size[2];
+    const int *size = level->size;
     const int cy = spsi_imax(0, spsi_imin(y, size[1] - 1)), cz = spsi_imax(0, spsi_imin(z, size[2] - 1));
     const size_t row = (size_t)(cz * size[1] + cy) * (size_t)level->pitch;
     const int bit = (int)(sweep->directions[i] - level->solver->directions);
     float *to = spsi_cell_sweep_row(sweep, i, y, z);
-    for (int x = -1; x <= size[0]; x += outside ? 1 : size[0] + 1) {
+    for (int x = -1; x <= size[0]; ++x) {
         const size_t at = row + (size_t)spsi_imax(0, spsi_imin(x, size[0] - 1));
         to[x] = level->walls[at].outside >> bit & 1 ? level->walls[at].sent : 0;
     }
@@ -17076,14 +17084,14 @@ static void spsi_cell_sweep_row_at(spsi_cell_beams *beams, int y, int z, float *
         own[i] = sweep->rows + (size_t)i * spsi_cell_row_floats(level);
         beams->in[i] = spsi_cell_row_enters(sweep, i, y, z, own[i]);
         beams->out[i] = spsi_cell_sweep_row(sweep, i, y, z);
-        if (level->walls) spsi_cell_row_border(sweep, i, y, z);
+        if (level->walls) spsi_cell_row_end(sweep, i, row, beams->out[i]);
         if (sweep->directions[i]->follows && sweep->directions[i]->step[0] > 0)
             spsi_cell_rows_follow(sweep, i - 1, y, z, &own[i - 1]);
     }
     if (terms == 1) spsi_cell_row_of(beams, row, moments, 1);
     if (terms == 4) spsi_cell_row_of(beams, row, moments, 4);
     if (terms == SPSI_CELL_TERMS) spsi_cell_row_of(beams, row, moments, SPSI_CELL_TERMS);
-    for (int i = beams->first; i < beams->end && level->walls; ++i) spsi_cell_row_border(sweep, i, y, z);
+    for (int i = beams->first; i < beams->end && level->walls; ++i) spsi_cell_row_end(sweep, i, row, beams->out[i]);
 }
 
 static void spsi_cell_sweep_plane(const spsi_cell_sweep *sweep, int index, int z) {
@@ -17095,8 +17103,8 @@ static void spsi_cell_sweep_plane(const spsi_cell_sweep *sweep, int index, int z
         beams.first = falls ? sweep->rising : 0;
         beams.end = falls ? sweep->count : sweep->rising;
         for (int i = beams.first; i < beams.end && level->walls; ++i) {
-            spsi_cell_row_border(sweep, i, -1, z);
-            spsi_cell_row_border(sweep, i, rows, z);
+            const int up = sweep->directions[i]->step[1];
+            if (up != 0) spsi_cell_row_border(sweep, i, up > 0 ? -1 : rows, z);
         }
         for (int n = 0; n < rows; ++n)
             spsi_cell_sweep_row_at(&beams, falls ? rows - 1 - n : n, z, level->moments[index]);
@@ -17758,12 +17766,12 @@ static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *se
 typedef struct spsi_cell_receiver {
     const double *point, *normal; /* unit vector */
     const float *open;            /* visible fraction per patch; NULL: 1 */
+    int parts;                    /* most parts along a patch's edge */
 } spsi_cell_receiver;
 
 /* Returns the visible fraction. */
 static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
                                             const spsi_cell_receiver *to, double irradiance[3]) {
-    const int most = SPSI_CELL_SIDE / (grid->light_count > 0 ? 4 : 8); /* maximum parts per edge */
     const spsi_v zero = spsi_set(0);
     spsi_v all[3] = {zero, zero, zero}, whole = zero;
     double seen = 0, sum;
@@ -17789,14 +17797,15 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
             const double begin = (double)(own[0] - 0.5f * width[0]) - at[from.along[k]];
             const double off = spsi_dmax(begin, at[from.along[k]] - (double)(own[last] + 0.5f * width[last]));
             square += off > 0 ? off * off : 0;
-            nearest = spsi_dmax(nearest, 0.18 * from.extent[from.along[k]] / most);
+            nearest = spsi_dmax(nearest, 0.18 * from.extent[from.along[k]] / to->parts);
         }
         for (int k = 0; k < 2; ++k) /* at least a part's width in front of the side */
             nearest += spsi_dmin(spsi_dmin(at[from.along[k]], from.extent[from.along[k]] - at[from.along[k]]), 0);
         at[axis] = end + outward * spsi_dmax(beyond, nearest);
         square += (at[axis] - end) * (at[axis] - end);
         for (int k = 0; k < 2; ++k)
-            parts[k] = (int)spsi_dmin(ceil(0.0625 * SPSI_CELL_PATCHES * from.extent[from.along[k]] / sqrt(square)), most);
+            parts[k] = (int)spsi_dmin(ceil(0.0625 * SPSI_CELL_PATCHES * from.extent[from.along[k]] / sqrt(square)),
+                                   to->parts);
         spsi_set3(at, from.at);
         for (int k = 0; k < 3; ++k) middle[k] = spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET), from.at[k]);
         area = spsi_mul(area, spsi_set(1 / (float)(parts[0] * parts[1])));
@@ -20215,7 +20224,7 @@ static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_light *li
 /* --- irradiance by cells and first flights --- */
 
 #define SPSI_RECEIVED_TILE  32 /* pixels along an edge of a task's tile */
-#define SPSI_RECEIVED_BLOCK 8  /* pixels along an edge of the largest blocks that are interpolated */
+#define SPSI_RECEIVED_BLOCK 32 /* pixels along an edge of the largest blocks that are interpolated */
 #define SPSI_RECEIVED_STEP  2  /* pixels between knots */
 #define SPSI_RECEIVED_KNOTS (SPSI_RECEIVED_TILE / SPSI_RECEIVED_STEP + 1)
 
@@ -20240,7 +20249,8 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     float patches[SPSI_CELL_SHEET];
     const spsi_cell_visibility visibility = {grid, faces, surface, surface->normal, face};
     const int hidden = spsi_cells_visibility(&visibility, patches);
-    const spsi_cell_receiver to = {surface->point, surface->normal, hidden ? patches : NULL};
+    const spsi_cell_receiver to = {surface->point, surface->normal, hidden ? patches : NULL,
+                                   SPSI_CELL_SIDE / (grid->light_count > 0 ? 4 : 8)};
     const double distance = spsi_cells_distance(grid, surface->point);
     double own[3];
     spsi_cells_irradiance(grid, 0, grid->channels, &to, own);
@@ -20271,12 +20281,13 @@ static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, doubl
 /* True if two faces are flat and share a plane and a normal. */
 static int spsi_faces_coplanar(const spsi_face *face, const spsi_face *other) {
     double plane[3], apart = 0;
-    if (!spsi_face_is_flat(face) || memcmp(face->normal, other->normal, sizeof face->normal) != 0) return 0;
+    if (!spsi_face_is_flat(face)) return 0;
     spsi_face_plane(face, plane);
     for (int i = 0; i < 3; ++i) {
         double offset[3];
         spsi_along(other->position[i], face->position[0], -1, offset);
         apart = spsi_dmax(apart, fabs(spsi_dot(plane, offset)) - 1e-6 * spsi_length(plane) * spsi_length(offset));
+        for (int k = 0; k < 3; ++k) apart += fabs((double)face->normal[i][k] - (double)other->normal[i][k]);
     }
     return !(apart > 0);
 }
@@ -20309,7 +20320,7 @@ static int spsi_receive_even(spsi_receive_tile *tile, const spsi_hit *hit, int x
         for (int c = 0; c < 3; ++c) {
             const float least = spsi_fmin(a->irradiance[c], b->irradiance[c]);
             const float mean = 0.5f * (a->irradiance[c] + b->irradiance[c]);
-            if (!(fabsf(middle->irradiance[c] - mean) <= 0.02f * least)) return 0;
+            if (!(fabsf(middle->irradiance[c] - mean) <= 0.03f * least)) return 0;
         }
     }
     return 1;
@@ -20324,16 +20335,18 @@ static float spsi_received_between(const spsi_received *const knots[9], int c, f
     return sum;
 }
 
-/* True if faces of one plane fill a block. */
-static int spsi_receive_flat(const spsi_receive_job *job, const spsi_hit *first, int width, int height) {
-    int last = -1;
-    for (int n = 0; n < width * height; ++n) {
-        const int face = first[n / width * job->frame->content->eye.width + n % width].face;
-        if (face < 0) return 0;
-        if (face != last && !spsi_faces_coplanar(&job->faces->list[first->face], &job->faces->list[face])) return 0;
-        last = face;
+/* A block's first hit of a polygon; NULL if there is none, or faces of other planes. */
+static const spsi_hit *spsi_receive_plane(const spsi_receive_job *job, int x0, int y0, int width, int height) {
+    const spsi_hit *plane = NULL;
+    for (int n = 0, last = -1; n < width * height; ++n) {
+        const size_t row = (size_t)(y0 + n / width) * (size_t)job->frame->content->eye.width;
+        const spsi_hit *hit = &job->visible->hits[row + (size_t)(x0 + n % width)];
+        if (hit->face < 0 || hit->face == last) continue;
+        if (!plane) plane = hit;
+        if (!spsi_faces_coplanar(&job->faces->list[plane->face], &job->faces->list[hit->face])) return NULL;
+        last = hit->face;
     }
-    return 1;
+    return plane;
 }
 
 /* Interpolates within a plane where light is even; divides other blocks, down to pixels. */
@@ -20342,11 +20355,10 @@ static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, int side
     const spsi_rays *eye = &job->frame->content->eye;
     const int channels = job->frame->content->cells->channels;
     const int width = spsi_imin(side, eye->width - x0), height = spsi_imin(side, eye->height - y0);
-    const spsi_hit *first = &job->visible->hits[(size_t)y0 * (size_t)eye->width + (size_t)x0];
     const spsi_received *knots[9];
     if (width <= 0 || height <= 0) return;
-    const int even = spsi_receive_flat(job, first, width, height) &&
-                     spsi_receive_even(tile, first, x0, y0, side, knots);
+    const spsi_hit *plane = spsi_receive_plane(job, x0, y0, width, height);
+    const int even = plane && spsi_receive_even(tile, plane, x0, y0, side, knots);
     spsi_task_tick(job->context);
     for (int n = 0; n < 4 && !even && side > 2 * SPSI_RECEIVED_STEP; ++n)
         spsi_receive_block(tile, x0 + n % 2 * side / 2, y0 + n / 2 * side / 2, side / 2);
@@ -21827,7 +21839,7 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c, int lit) {
         if (!wall->closed && !wall->outside) continue;
         sent = color * ambient + (double)wall->lit[c] - ambient;
         if (lit && spsi_cell_wall_mean(grid, wall, point, normal)) {
-            const spsi_cell_receiver to = {point, normal, NULL};
+            const spsi_cell_receiver to = {point, normal, NULL, 1}; /* patches are fine enough for cells */
             double irradiance[3] = {0, 0, 0};
             spsi_cells_irradiance(grid, c, 1, &to, irradiance);
             sent += color / SPSI_PI * irradiance[0];
@@ -22327,21 +22339,23 @@ static void spsi_cells_send_emission(const spsi_cell_job *job, int channel, floa
 }
 
 /* Takes first flights out of what cells send. `light`, for cells, loses the emitters' light that flies to cells; light
-   for polygons loses all of it, and emission for polygons only. */
-static void spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *light) {
+   for polygons loses all of it, and emission for polygons only. Returns 0 if cells send as before. */
+static int spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *light) {
     spsi_cell_level *level = &job->solver->levels[0];
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;
     const float fraction = job->walls && all > cells ? (all - cells) / (1 - cells) : 0;
     const int flies = cells > 0 && job->grid->flown;
-    if (!job->walls && !flies) return;
+    if (!job->walls && !flies) return 0;
     spsi_cells_send_emission(job, channel, -fraction);
-    if (spsi_cells_set_apart(job, channel) && flies) {
+    const int apart = spsi_cells_set_apart(job, channel);
+    if (apart && flies) {
         spsi_cells_send_emission(job, channel, fraction);
         spsi_cells_sweep(level);
         for (size_t i = 0; i < (size_t)job->grid->terms * job->grid->count; ++i)
             light[i] += cells * (level->moments[0][i] - light[i]);
         spsi_cells_send_emission(job, channel, -fraction);
     }
+    return apart || fraction > 0;
 }
 
 /* Ends rays at closed links. */
@@ -22547,10 +22561,11 @@ SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel) {
 /* Light of cells alone: polygons do not light one another. */
 SPSI_COLD void spsi_cells_light_polygons(spsi_cell_job *job) {
     spsi_cell_level *level = &job->solver->levels[0];
+    const spsi_cell_wall *walls = level->walls;
     level->walls = NULL;
     spsi_cells_sweep(level);
     spsi_cells_take_flux(job, job->channel);
-    level->walls = job->walls;
+    level->walls = walls;
 }
 
 SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_call_stage *part) {
@@ -22562,21 +22577,22 @@ SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cal
     spsi_call_stage each = *part;
     double last = 0;
     memset(level->depth, 0, (size_t)(solver->scratch - level->depth) * sizeof(float));
-    level->walls = job->walls;
+    level->walls = job->frame->matter.scatters ? job->walls : NULL; /* other gas only takes their light */
     spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
     for (int n = 0; n < SPSI_CELL_RETURNS; ++n) {
-        const double change = job->walls ? spsi_cell_walls_send(job, job->channel, n > 0) : 0;
+        const double change = level->walls ? spsi_cell_walls_send(job, job->channel, n > 0) : 0;
         if (n > 0 && change < SPSI_CELL_CHANGE) break;
         each.share *= 0.5;
         if (spsi_cells_solve(solver, n > 0, &each)) return job->context->result;
         memcpy(light, level->moments[0], moments * sizeof(float));
         each.progress += each.share;
-        if (!job->walls || change * change < SPSI_CELL_CHANGE * last) break; /* the next change shrinks by as much */
-        last = change;
+        if (!level->walls) break;
         spsi_cells_light_polygons(job);
+        if (change * change < SPSI_CELL_CHANGE * last) break; /* the next change shrinks by as much */
+        last = change;
     }
-    if (grid->pyramid) spsi_cells_sweep_rest(job, job->channel, light);
-    if (job->walls) spsi_cells_light_polygons(job);
+    const int flies = grid->pyramid && spsi_cells_sweep_rest(job, job->channel, light);
+    if (job->walls && (flies || !level->walls)) spsi_cells_light_polygons(job);
     return SPS_OK;
 }
 

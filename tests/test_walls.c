@@ -221,7 +221,7 @@ static void test_rays(void) {
 /* Irradiance by one channel of a grid, or of its sides alone. */
 static double irradiance_of(const spsi_cell_grid *grid, int sides, int channel, const double point[3],
                             const double normal[3], const float *open) {
-    const spsi_cell_receiver to = {point, normal, open};
+    const spsi_cell_receiver to = {point, normal, open, SPSI_CELL_SIDE / (grid->light_count > 0 ? 4 : 8)};
     double irradiance[3];
     if (sides)
         spsi_cells_irradiance_outside(grid, channel, 1, &to, irradiance);

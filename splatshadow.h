@@ -1088,6 +1088,13 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_NOINLINE static
 #endif
 
+/* Clang would write these loops' bodies up to eight times, and no frame would gain by it. GCC does not unroll them. */
+#ifdef __clang__
+#define SPSI_ROLLED _Pragma("clang loop unroll(disable) vectorize(disable)")
+#else
+#define SPSI_ROLLED
+#endif
+
 #define SPSI_PI       3.14159265358979323846
 #define SPSI_INFINITY ((float)HUGE_VAL)
 
@@ -2198,7 +2205,7 @@ static void spsi_group_run(sps_context *context, spsi_task_group *group) {
         group->deadline = last ? HUGE_VAL : spsi_clock(context) + SPSI_TICK_SECONDS;
         context->config.parallel_for_fn(context->config.parallel_user, group->count, spsi_group_task, group);
         spsi_tick(context, 0);
-        for (int i = 0; i < group->count; ++i) still += !group->done[i];
+        SPSI_ROLLED for (int i = 0; i < group->count; ++i) still += !group->done[i];
         stuck = still == left;
         left = still;
     }
@@ -2282,7 +2289,7 @@ SPSI_COLD sps_result spsi_progress(sps_context *context, double fraction) {
 
 static uint64_t spsi_fingerprint(uint64_t hash, const void *data, size_t size) {
     const unsigned char *bytes = (const unsigned char *)data;
-    for (size_t i = 0; i < size; ++i) hash = (hash ^ bytes[i]) * UINT64_C(1099511628211);
+    SPSI_ROLLED for (size_t i = 0; i < size; ++i) hash = (hash ^ bytes[i]) * UINT64_C(1099511628211);
     return hash;
 }
 
@@ -2699,14 +2706,14 @@ static inline spsi_v spsi_lobe_phase(float g, spsi_v cosine) {
 
 static inline spsi_v spsi_phase(const spsi_material *material, spsi_v cosine) {
     spsi_v sum = spsi_set(0);
-    for (int i = 0; i < material->lobe_count; ++i)
+    SPSI_ROLLED for (int i = 0; i < material->lobe_count; ++i)
         sum = spsi_fma(spsi_lobe_phase(material->lobes[i].asymmetry, cosine), spsi_set(material->lobes[i].weight), sum);
     return sum;
 }
 
 static double spsi_phase_moment(const spsi_material *material, int l) {
     double sum = 0;
-    for (int i = 0; i < material->lobe_count; ++i)
+    SPSI_ROLLED for (int i = 0; i < material->lobe_count; ++i)
         sum += (double)material->lobes[i].weight * pow((double)material->lobes[i].asymmetry, l);
     return sum;
 }
@@ -2936,8 +2943,8 @@ static void spsi_deep_depths(const sps_tmap_settings *settings, const spsi_texel
     const spsi_interval *list = (const spsi_interval *)texel->data;
     uint32_t first = 0; /* intervals before lie wholly before u */
     double before = 0;
-    for (int k = 0; k < count; ++k) {
-        for (; first < texel->count && (list[first].u1 <= u[k] || u[k] >= 1); ++first)
+    SPSI_ROLLED for (int k = 0; k < count; ++k) {
+        SPSI_ROLLED for (; first < texel->count && (list[first].u1 <= u[k] || u[k] >= 1); ++first)
             before += (double)list[first].depth;
         double sum = before;
         for (uint32_t i = first; i < texel->count && list[i].u0 <= u[k]; ++i)
@@ -2972,7 +2979,7 @@ static void spsi_intervals_merge(spsi_interval *list, size_t half, size_t count,
 }
 
 static void spsi_intervals_insert(spsi_interval *list, size_t count) {
-    for (size_t i = 1; i < count; ++i) {
+    SPSI_ROLLED for (size_t i = 1; i < count; ++i) {
         const spsi_interval taken = list[i];
         size_t k = i;
         for (; k > 0 && spsi_interval_less(&taken, &list[k - 1]); --k) list[k] = list[k - 1];
@@ -3072,7 +3079,7 @@ static double spsi_curve_depth(const spsi_curve *curve, float u, int jumps) {
     const int all = jumps && u >= 1;
     const double slope = spsi_dmax(curve->slope.high + curve->slope.low, 0);
     double sum = curve->before + curve->depth + slope * ((double)u - (double)curve->u);
-    for (int i = curve->first; i < curve->count && curve->has_soft; ++i) {
+    SPSI_ROLLED for (int i = curve->first; i < curve->count && curve->has_soft; ++i) {
         const spsi_interval *interval = &curve->sorted[i];
         if (!all && (jumps ? interval->u0 > u : !(interval->u0 < u))) break;
         if (interval->soft > 0)
@@ -3129,7 +3136,7 @@ static int spsi_curve_build(const spsi_interval *sorted, int count, double error
                             spsi_node *nodes) {
     spsi_curve curve = {sorted, count, 0, 0, 0, error, 0, 0, {0, 0}, 0, nodes, 0};
     size_t end_count = 0;
-    for (int i = 0; i < count; ++i) {
+    SPSI_ROLLED for (int i = 0; i < count; ++i) {
         if (!(sorted[i].depth > 0)) continue;
         spsi_curve_ends(&sorted[i], ends + end_count);
         end_count += 2;
@@ -3204,7 +3211,7 @@ static void spsi_opacity_insert(const sps_tmap_settings *settings, float *sums, 
     if (settings->components == 1) spsi_accumulate(sums, depth); /* all before the only plane */
     if (settings->components == 1 || !spsi_intervals_extent(intervals, &first, &end)) return;
     const int last = spsi_plane_from(settings, end);
-    for (int i = spsi_plane_from(settings, first); i <= last; ++i) {
+    SPSI_ROLLED for (int i = spsi_plane_from(settings, first); i <= last; ++i) {
         spsi_v share = spsi_set(1); /* all behind counts at the last plane */
         if (i < settings->components - 1) share = spsi_intervals_before(intervals, spsi_set(spsi_plane(settings, i)));
         share = spsi_max(share, before);
@@ -3319,7 +3326,7 @@ static void spsi_fourier_depths(const sps_tmap_settings *settings, const spsi_te
                                 float *depths) {
     const float *values = (const float *)texel->data;
     const spsi_v half = spsi_set(0.5f * values[0]), most = spsi_min(half, spsi_set(SPSI_DEPTH_MAX));
-    for (int i = 0; i < count; i += SPSI_LANES) {
+    SPSI_ROLLED for (int i = 0; i < count; i += SPSI_LANES) {
         const int some = spsi_imin(SPSI_LANES, count - i);
         const spsi_v at = spsi_load_first(u + i, some);
         spsi_v cosine, sine, c, s, sum = spsi_mul(half, at);
@@ -3506,7 +3513,7 @@ static inline double spsi_node_cost(const spsi_node *node) {
 static int spsi_nodes_thin(spsi_node *line, int count, int most, float total) {
     const float last = (float)exp(-(double)spsi_fmin(total, SPSI_DEPTH_MAX));
     for (int i = count - 1; i >= 0 && (i == count - 1 || line[i].value < last); --i) line[i].value = last;
-    for (; count > most; --count) {
+    SPSI_ROLLED for (; count > most; --count) {
         double lowest = spsi_node_cost(&line[1]);
         int least = 1;
         for (int i = 2; i < count - 1; ++i) {
@@ -4678,7 +4685,7 @@ SPSI_COLD void spsi_medium_build(const sps_volume *volume, int index, spsi_latti
 
 /* margin: voxels. */
 static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bounds *bounds) {
-    for (int corner = 0; corner < 8; ++corner) {
+    SPSI_ROLLED for (int corner = 0; corner < 8; ++corner) {
         double at[3], point[3];
         for (int k = 0; k < 3; ++k) at[k] = corner >> k & 1 ? medium->given.size[k] + margin : -margin;
         spsi_voxel_position(medium->lattice, at, point);
@@ -5121,8 +5128,8 @@ static void spsi_block_evaluate(spsi_voxels *voxels) {
     for (int z = 0; z < block->size[2] && block->result == SPS_OK; ++z) {
         double *position = voxels->positions;
         float *values = voxels->values + layer * (size_t)z;
-        for (int y = 0; y < block->size[1]; ++y)
-            for (int x = 0; x < block->size[0]; ++x, position += 3) {
+        SPSI_ROLLED for (int y = 0; y < block->size[1]; ++y)
+            SPSI_ROLLED for (int x = 0; x < block->size[0]; ++x, position += 3) {
                 const double at[3] = {block->low[0] + x + 0.5, block->low[1] + y + 0.5, block->low[2] + z + 0.5};
                 spsi_voxel_position(block->medium->lattice, at, position);
             }
@@ -5161,11 +5168,11 @@ static void spsi_block_validate(spsi_voxels *voxels, int replace) {
     spsi_block *block = &voxels->block;
     float *value = voxels->values;
     int invalid = 0;
-    for (int i = 0; i < block->voxels_read; i += SPSI_LANES)
+    SPSI_ROLLED for (int i = 0; i < block->voxels_read; i += SPSI_LANES)
         invalid |= spsi_invalid_bits(spsi_load_first(value + i, block->voxels_read - i));
-    for (int z = 0; z < block->size[2] && invalid; ++z)
-        for (int y = 0; y < block->size[1]; ++y)
-            for (int x = 0; x < block->size[0]; ++x, ++value) {
+    SPSI_ROLLED for (int z = 0; z < block->size[2] && invalid; ++z)
+        SPSI_ROLLED for (int y = 0; y < block->size[1]; ++y)
+            SPSI_ROLLED for (int x = 0; x < block->size[0]; ++x, ++value) {
                 if (*value >= 0 && *value <= SPSI_VALUE_MAX) continue;
                 if (replace) {
                     *value = 0;
@@ -5277,9 +5284,9 @@ static int spsi_block_mark(spsi_voxels *voxels) {
     const float *values = voxels->values;
     uint64_t any = 0;
     if (material->table && !material->extinguishes) return 0;
-    for (int row = 0; row < rows; ++row, values += width) {
+    SPSI_ROLLED for (int row = 0; row < rows; ++row, values += width) {
         uint64_t faint = 0, hidden = 0;
-        for (int x = 0; x < width; x += SPSI_LANES) {
+        SPSI_ROLLED for (int x = 0; x < width; x += SPSI_LANES) {
             const spsi_v value = spsi_load_first(values + x, width - x);
             faint |= (uint64_t)spsi_bits(spsi_less(value, least)) << x;
             if (material->table) hidden |= (uint64_t)spsi_hidden_bits(material, value) << x;
@@ -5294,8 +5301,8 @@ static int spsi_block_mark(spsi_voxels *voxels) {
 /* Dilates masks by SPSI_MARGIN rows, `step` apart. */
 static void spsi_rows_spread(uint64_t *rows, int count, int step) {
     uint64_t line[SPSI_BLOCK_EDGE + 2 * SPSI_MARGIN] = {0};
-    for (int i = 0; i < count; ++i) line[SPSI_MARGIN + i] = rows[i * step];
-    for (int i = 0; i < count; ++i)
+    SPSI_ROLLED for (int i = 0; i < count; ++i) line[SPSI_MARGIN + i] = rows[i * step];
+    SPSI_ROLLED for (int i = 0; i < count; ++i)
         for (int k = 0; k <= 2 * SPSI_MARGIN; ++k) rows[i * step] |= line[i + k];
 }
 
@@ -5303,13 +5310,13 @@ static void spsi_rows_spread(uint64_t *rows, int count, int step) {
    more for kernels that contribute there. */
 static void spsi_block_spread(spsi_voxels *voxels) {
     const int height = voxels->block.size[1], depth = voxels->block.size[2];
-    for (int row = 0; row < height * depth; ++row) {
+    SPSI_ROLLED for (int row = 0; row < height * depth; ++row) {
         const uint64_t here = voxels->shown[row];
         for (int k = 1; k <= SPSI_MARGIN; ++k) voxels->shown[row] |= here << k | here >> k;
     }
-    for (int z = 0; z < depth; ++z) spsi_rows_spread(voxels->shown + z * height, height, 1);
-    for (int y = 0; y < height; ++y) spsi_rows_spread(voxels->shown + y, depth, height);
-    for (int row = 0; row < height * depth; ++row) voxels->relevant[row] &= voxels->shown[row];
+    SPSI_ROLLED for (int z = 0; z < depth; ++z) spsi_rows_spread(voxels->shown + z * height, height, 1);
+    SPSI_ROLLED for (int y = 0; y < height; ++y) spsi_rows_spread(voxels->shown + y, depth, height);
+    SPSI_ROLLED for (int row = 0; row < height * depth; ++row) voxels->relevant[row] &= voxels->shown[row];
 }
 
 /* First voxel of a brick. Returns 0 if outside of the volume. */
@@ -5343,7 +5350,7 @@ static void spsi_block_task(void *data, int index, int worker) {
     memset(reader->list[index].brick_voxels, 0, sizeof reader->list[index].brick_voxels);
     if (!voxels || !spsi_block_mark(voxels)) return;
     if (reader->material->table) spsi_block_spread(voxels);
-    for (int i = 0; i < SPSI_BLOCK_BRICKS; ++i) {
+    SPSI_ROLLED for (int i = 0; i < SPSI_BLOCK_BRICKS; ++i) {
         int base[3];
         if (!spsi_block_brick(&voxels->block, i, base)) continue;
         for (int z = 0; z < SPSI_BRICK; ++z)
@@ -5430,9 +5437,9 @@ static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, sp
     int at = brick->first;
     brick->most = 0;
     memset(brick->layers, 0, sizeof brick->layers);
-    for (int z = 0; z < SPSI_BRICK; ++z) {
+    SPSI_ROLLED for (int z = 0; z < SPSI_BRICK; ++z) {
         const uint64_t layer = spsi_brick_layer(voxels, brick->base, z);
-        for (int y = 0; y < SPSI_BRICK; ++y) {
+        SPSI_ROLLED for (int y = 0; y < SPSI_BRICK; ++y) {
             const uint64_t row = layer >> SPSI_BRICK * y & ((1 << SPSI_BRICK) - 1);
             const float *values = voxels->values + spsi_block_index(&voxels->block, brick->base[0], brick->base[1] + y,
                                                                     brick->base[2] + z);
@@ -5979,7 +5986,7 @@ static int spsi_tree_cheapest(const spsi_tree_bin *bins, float unit) {
     int last = -1;
     for (int side = 0; side < 2; ++side) {
         spsi_tree_bin sum = spsi_tree_empty;
-        for (int i = 0; i < SPSI_TREE_BINS; ++i) {
+        SPSI_ROLLED for (int i = 0; i < SPSI_TREE_BINS; ++i) {
             const int bin = side ? SPSI_TREE_BINS - 1 - i : i;
             if (side && sum.count > 0 && cost[bin] < FLT_MAX) {
                 cost[bin] += (float)sum.count * spsi_tree_area(sum.low, sum.high, unit);
@@ -6611,16 +6618,16 @@ static inline void spsi_raster_vector(const spsi_raster *raster, const spsi_edge
     float depth[SPSI_LANES], weights[2][SPSI_LANES];
     for (int i = 0; i < 3; ++i) {
         const double step = e->edge[i][0], row = e->edge[i][1] * y, rest = e->edge[i][2];
-        for (int n = 0; n < SPSI_LANES; ++n) w[i][n] = step * (x + n) + row + rest;
+        SPSI_ROLLED for (int n = 0; n < SPSI_LANES; ++n) w[i][n] = step * (x + n) + row + rest;
     }
-    for (int n = 0; n < SPSI_LANES; ++n) {
+    SPSI_ROLLED for (int n = 0; n < SPSI_LANES; ++n) {
         const double sum = w[0][n] + w[1][n] + w[2][n], a = w[0][n] / sum, b = w[1][n] / sum, c = w[2][n] / sum;
         t[n] = a * e->depth[0] + b * e->depth[1] + c * e->depth[2];
         depth[n] = (float)t[n];
         weights[0][n] = (float)b;
         weights[1][n] = (float)c;
     }
-    for (int n = 0; n < SPSI_LANES; ++n)
+    SPSI_ROLLED for (int n = 0; n < SPSI_LANES; ++n)
         if (t[n] + reference > begin)
             spsi_raster_store(raster, at + (size_t)n, face, depth[n], weights[0][n], weights[1][n]);
 }
@@ -6658,7 +6665,7 @@ static void spsi_raster_rows(const spsi_raster *raster, int y0, int y1) {
     const size_t first = (size_t)(y0 - raster->first_row) * (size_t)raster->pitch;
     const size_t end = (size_t)(y1 + 1 - raster->first_row) * (size_t)raster->pitch;
     for (size_t i = first; i < end && !raster->depths; ++i) raster->hits[i] = nothing;
-    for (size_t i = first; i < end && raster->depths; ++i) {
+    SPSI_ROLLED for (size_t i = first; i < end && raster->depths; ++i) {
         raster->depths[i] = SPSI_INFINITY;
         raster->numbers[i] = -1;
     }
@@ -6883,7 +6890,7 @@ static int spsi_mask_middle(uint64_t mask, int samples) {
     int sum[2] = {0, 0}, count = 0, least = 0x7fffffff, best = 0;
     for (int i = 0; i < samples * samples; ++i)
         if (mask >> i & 1) sum[0] += i % samples, sum[1] += i / samples, count += 1;
-    for (int i = 0; i < samples * samples; ++i) {
+    SPSI_ROLLED for (int i = 0; i < samples * samples; ++i) {
         const int x = i % samples * count - sum[0], y = i / samples * count - sum[1];
         if (!(mask >> i & 1) || x * x + y * y >= least) continue;
         least = x * x + y * y;
@@ -6919,7 +6926,7 @@ static void spsi_translucent_fragments(const spsi_layers_job *job, const spsi_la
     int seen[2] = {0x7fffffff, -1};
     for (int row = spsi_imax(y * n, box[1]); row <= spsi_imin(y * n + n - 1, box[3]); ++row)
         spsi_translucent_row(job, scratch, e, face, row, seen);
-    for (int x = seen[0]; x <= seen[1]; ++x) {
+    SPSI_ROLLED for (int x = seen[0]; x <= seen[1]; ++x) {
         spsi_fragment fragment = {scratch->masks[x], 0, face};
         if (!fragment.mask) continue;
         fragment.depth = (float)(scratch->sums[x] / spsi_bit_count(fragment.mask));
@@ -7016,7 +7023,7 @@ static void spsi_group_add(const spsi_layers_job *job, const spsi_layer_scratch 
     const int n = job->samples, middle = spsi_mask_middle(group->mask, n);
     spsi_fragment fragment = {group->mask, 0, 0};
     double sum = 0;
-    for (int i = 0; i < n * n; ++i) {
+    SPSI_ROLLED for (int i = 0; i < n * n; ++i) {
         const size_t at = spsi_sample_index(job, x * n + i % n, y * n + i / n);
         if (group->mask >> i & 1) sum += (double)scratch->depths[at];
         if (i == middle) fragment.face = scratch->numbers[at];
@@ -7083,7 +7090,7 @@ static void spsi_layers_task(void *data, int index, int worker) {
 /* Orders by depth, then face. [Shell 1959] */
 static void spsi_fragments_sort(spsi_fragment *list, uint32_t count) {
     for (uint32_t gap = count > 16 ? count / 3 : 1; gap > 0; gap = gap > 2 ? gap * 4 / 10 : gap - 1)
-        for (uint32_t i = gap; i < count; ++i) {
+        SPSI_ROLLED for (uint32_t i = gap; i < count; ++i) {
             const spsi_fragment moved = list[i];
             uint32_t at = i;
             for (; at >= gap && (list[at - gap].depth > moved.depth ||
@@ -7102,7 +7109,7 @@ static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fr
     const int y = (int)(pixel / (uint32_t)job->rays->width) * n, count = spsi_bit_count(fragment->mask);
     double w[3] = {1, 0, 0}, column = 0, row = 0;
     spsi_edges e;
-    for (int i = 0; i < n * n; ++i)
+    SPSI_ROLLED for (int i = 0; i < n * n; ++i)
         if (fragment->mask >> i & 1) column += i % n, row += i / n;
     column /= count;
     row /= count;
@@ -7150,7 +7157,7 @@ static void spsi_stack_build(const spsi_layers_job *job, uint32_t pixel, spsi_st
         spsi_edges e;
         stack->translucent[i] = spsi_face_is_translucent(face);
         spsi_face_corners(job->faces, fragment->face, &job->fine, &e);
-        for (int k = 0; k < n * n; ++k)
+        SPSI_ROLLED for (int k = 0; k < n * n; ++k)
             if (fragment->mask >> k & 1) stack->depths[i][k] = spsi_fragment_depth(job, &e, face, x + k % n, y + k / n);
     }
 }
@@ -7164,7 +7171,7 @@ static int spsi_stack_before(const spsi_stack *stack, int a, int b, int sample) 
 /* Nearest first. Returns their number. */
 static int spsi_stack_of_sample(const spsi_stack *stack, int sample, int order[SPSI_LAYERS_ORDERED]) {
     int count = 0;
-    for (int i = 0; i < stack->count; ++i) {
+    SPSI_ROLLED for (int i = 0; i < stack->count; ++i) {
         int at = count;
         if (!(stack->list[i].mask >> sample & 1)) continue;
         for (; at > 0 && spsi_stack_before(stack, i, order[at - 1], sample); --at) order[at] = order[at - 1];
@@ -7189,11 +7196,11 @@ static void spsi_layer_pass(const spsi_layers_job *job, const spsi_fragment *fra
 
 /* Samples use their own order, or the pixel's if there are many fragments. */
 static void spsi_layers_follow(const spsi_layers_job *job, const spsi_stack *stack, spsi_layer *layers) {
-    for (int k = 0; k < job->samples * job->samples; ++k) {
+    SPSI_ROLLED for (int k = 0; k < job->samples * job->samples; ++k) {
         float through[3] = {1, 1, 1};
         int order[SPSI_LAYERS_ORDERED], count;
         if (job->samples == 1 || stack->count > SPSI_LAYERS_ORDERED) {
-            for (int i = 0; i < 2 * stack->count; ++i) { /* opaque ones last, as in samples' order */
+            SPSI_ROLLED for (int i = 0; i < 2 * stack->count; ++i) { /* opaque ones last, as in samples' order */
                 const spsi_fragment *fragment = &stack->list[i % stack->count];
                 if (spsi_face_is_translucent(&job->faces->list[fragment->face]) != (i < stack->count)) continue;
                 if (fragment->mask >> k & 1)
@@ -7202,7 +7209,7 @@ static void spsi_layers_follow(const spsi_layers_job *job, const spsi_stack *sta
             continue;
         }
         count = spsi_stack_of_sample(stack, k, order);
-        for (int i = 0; i < count; ++i)
+        SPSI_ROLLED for (int i = 0; i < count; ++i)
             spsi_layer_pass(job, &stack->list[order[i]], stack->depths[order[i]][k], through, &layers[order[i]]);
     }
 }
@@ -7212,12 +7219,12 @@ static void spsi_layers_accumulate(const spsi_layers_job *job, const spsi_stack 
     const int samples = job->samples * job->samples;
     float through[3][SPSI_COVERAGE_MAX * SPSI_COVERAGE_MAX];
     for (int c = 0; c < 3; ++c)
-        for (int k = 0; k < samples; ++k) through[c][k] = 1;
-    for (int i = 0; i < stack->count; ++i) {
+        SPSI_ROLLED for (int k = 0; k < samples; ++k) through[c][k] = 1;
+    SPSI_ROLLED for (int i = 0; i < stack->count; ++i) {
         const spsi_fragment *fragment = &stack->list[i];
         for (int c = 0; c < 3; ++c) {
             const float passes = job->faces->list[fragment->face].transmittance[c];
-            for (int k = 0; k < samples; ++k) {
+            SPSI_ROLLED for (int k = 0; k < samples; ++k) {
                 through[c][k] *= fragment->mask >> k & 1 ? passes : 1;
                 layers[i].behind[c] += through[c][k];
             }
@@ -7489,7 +7496,7 @@ static void spsi_surface_rows(const spsi_surface_batch *batch) {
             const size_t pixel = (size_t)y * (size_t)width + (size_t)x;
             size_t layers[2];
             spsi_pixel_layers(visible, pixel, layers);
-            for (size_t n = layers[0]; n <= layers[1]; ++n) {
+            SPSI_ROLLED for (size_t n = layers[0]; n <= layers[1]; ++n) {
                 const int face = n > layers[0] ? visible->layers.list[n - 1].hit.face : visible->hits[pixel].face;
                 int *rows = face < 0 ? NULL : meshes[spsi_mesh_of(batch->frame, batch->faces, face)].rows;
                 if (rows) rows[0] = spsi_imin(rows[0], y), rows[1] = y;
@@ -7935,7 +7942,7 @@ static int spsi_rays_fit(const spsi_light *light, const spsi_bounds *bounds, dou
     spsi_basis(forward, right, down);
     rays->perspective = light->is_point;
     memcpy(eye, rays->perspective ? light->position : centre, sizeof eye);
-    for (int corner = 0; corner < 8; ++corner) {
+    SPSI_ROLLED for (int corner = 0; corner < 8; ++corner) {
         double offset[3], depth, at[2];
         spsi_bounds_corner(bounds, corner, offset);
         spsi_along(offset, eye, -1, offset);
@@ -8529,7 +8536,7 @@ static void spsi_planes_task(void *data, int index) {
     const spsi_planes_job *job = (const spsi_planes_job *)data;
     const int columns = job->map->cells[job->face], height = job->map->rays[job->face].height;
     float *cells = job->map->nearest[job->face] + (size_t)(spsi_depth_map_cells(height) + index) * (size_t)columns;
-    for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
+    SPSI_ROLLED for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
     for (int y = index * SPSI_DEPTH_MAP_CELL; y < spsi_imin(height, (index + 1) * SPSI_DEPTH_MAP_CELL); ++y)
         spsi_planes_row(job, y, cells);
 }
@@ -8537,8 +8544,8 @@ static void spsi_planes_task(void *data, int index) {
 /* Minima of each cell and its neighbours, from the single cells, which follow. */
 static void spsi_cells_spread(float *nearest, int columns, int rows) {
     const float *alone = nearest + (size_t)columns * (size_t)rows;
-    for (int y = 0; y < rows; ++y)
-        for (int x = 0; x < columns; ++x) {
+    SPSI_ROLLED for (int y = 0; y < rows; ++y)
+        SPSI_ROLLED for (int x = 0; x < columns; ++x) {
             float least = SPSI_INFINITY;
             for (int v = spsi_imax(y - 1, 0); v <= spsi_imin(y + 1, rows - 1); ++v)
                 for (int u = spsi_imax(x - 1, 0); u <= spsi_imin(x + 1, columns - 1); ++u)
@@ -8745,7 +8752,7 @@ static void spsi_translucent_transmittance(const spsi_translucency_map *map, int
     const spsi_v one = spsi_set(1);
     spsi_v texels[3][4];
     spsi_translucent_planes translucent;
-    for (int i = 0; i < 4; ++i) {
+    SPSI_ROLLED for (int i = 0; i < 4; ++i) {
         for (int c = 0; c < 3; ++c) texels[c][i] = one;
         for (uint32_t n = 0; spsi_translucent_planes_find(map, face, faces, way, i, n, &translucent); ++n) {
             const spsi_v slope[2] = {spsi_load(translucent.slope[0]), spsi_load(translucent.slope[1])};
@@ -8766,7 +8773,7 @@ static void spsi_translucency_map_filter(const spsi_translucency_map *map, const
     spsi_v t[SPSI_CUBE_FACES], farthest = spsi_set(-FLT_MAX), through[3];
     spsi_map_segment way;
     for (int c = 0; c < 3; ++c) filter[c] = spsi_set(1);
-    for (int face = 0; face < map->grid.face_count; ++face) {
+    SPSI_ROLLED for (int face = 0; face < map->grid.face_count; ++face) {
         const spsi_v reference = spsi_set((float)map->grid.rays[face].depth_reference);
         t[face] = spsi_add(spsi_linear_find(&map->grid.along[face][2], at, y, middle), reference);
         farthest = spsi_max(farthest, t[face]);
@@ -8973,7 +8980,7 @@ static int spsi_sphere_meets(const spsi_rays *rays, const spsi_sphere *sphere, i
 
 static void spsi_sphere_chord_near(const spsi_rays *rays, const spsi_sphere *sphere, int x, int y, spsi_chord *chord) {
     float lanes[3][SPSI_LANES] = {{0}};
-    for (int i = 0; i < SPSI_LANES; ++i) {
+    SPSI_ROLLED for (int i = 0; i < SPSI_LANES; ++i) {
         double one[3];
         if (!spsi_sphere_meets(rays, sphere, x + i, y, one)) continue;
         for (int k = 0; k < 3; ++k) lanes[k][i] = (float)one[k];
@@ -9047,7 +9054,7 @@ static double spsi_sphere_sum(const spsi_rays *rays, const spsi_sphere *sphere, 
             spsi_chord chord;
             spsi_sphere_chord(rays, sphere, x, y, &chord);
             spsi_v share = sphere->soft ? spsi_mul(chord.share, spsi_mul(chord.share, chord.share)) : chord.share;
-            for (int i = 0; i < SPSI_LANES && round; ++i) lanes[i] = (float)spsi_ray_angle(rays, x + i, y);
+            SPSI_ROLLED for (int i = 0; i < SPSI_LANES && round; ++i) lanes[i] = (float)spsi_ray_angle(rays, x + i, y);
             if (round) share = spsi_mul(share, spsi_load(lanes));
             sums = spsi_add(sums, spsi_select(inside, share, spsi_set(0)));
         }
@@ -9684,8 +9691,9 @@ static inline uint64_t spsi_patches(const spsi_tile *tile, int x0, int y0, int x
 /* Mask of patches with optical depth below `end`. */
 static uint64_t spsi_patches_unfinished(const float *depth, size_t pitch, int width, int height, float end) {
     uint64_t open = 0;
-    for (int y = 0; y < height; ++y, depth += pitch)
-        for (int x = 0; x < width; ++x) open |= (uint64_t)(depth[x] < end) << (y / SPSI_PATCH * 8 + x / SPSI_PATCH);
+    SPSI_ROLLED for (int y = 0; y < height; ++y, depth += pitch)
+        SPSI_ROLLED for (int x = 0; x < width; ++x)
+            open |= (uint64_t)(depth[x] < end) << (y / SPSI_PATCH * 8 + x / SPSI_PATCH);
     return open;
 }
 
@@ -9831,7 +9839,7 @@ static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int
         before = clamped ? spsi_mass_fraction(mass, s->low) : spsi_set(0);
     else
         before = spsi_mass_fraction(mass, clamped ? spsi_clamp(v, s->low, s->high) : v);
-    for (int k = 0; k < s->count - s->ends; ++k, sheet += s->sheet_size) {
+    SPSI_ROLLED for (int k = 0; k < s->count - s->ends; ++k, sheet += s->sheet_size) {
         v = spsi_add(v, s->per_plane);
         after = spsi_mass_fraction(mass, clamped ? spsi_clamp(v, s->low, s->high) : v);
         spsi_store(sheet, spsi_fma(s->weight, spsi_sub(after, before), spsi_load(sheet)));
@@ -9936,7 +9944,7 @@ static inline void spsi_splat_columns(const spsi_footprint *print, const spsi_ro
     sections.sheet_size = tile->sheet_size;
     sections.per_plane = spsi_set(f->per_slab[i]);
     sections.low = sections.high = spsi_set(0);
-    for (int r = 0; r < count; ++r, row += tile->pitch) {
+    SPSI_ROLLED for (int r = 0; r < count; ++r, row += tile->pitch) {
         spsi_v weight = spsi_mul(column, spsi_set(rows->factor[r]));
         column = spsi_mul(column, turn);
         if (rows->slabs[r] == 0 || rows->x0[r] >= x + SPSI_LANES || rows->x1[r] < x) continue;
@@ -9981,7 +9989,7 @@ static void spsi_splat_footprint(const spsi_footprint *print) {
         const int count = spsi_imin(SPSI_LANES, y1 - y + 1);
         spsi_rows rows;
         spsi_rows_build(tile, f, i, y, s->cut, &rows);
-        for (int r = 0; r < count; ++r) tile->fragments += (uint64_t)rows.area[r];
+        SPSI_ROLLED for (int r = 0; r < count; ++r) tile->fragments += (uint64_t)rows.area[r];
         for (int x = x0; x <= x1; x += SPSI_LANES)
             if (clamped)
                 spsi_splat_columns(print, &rows, count, x, y, 1);
@@ -10308,7 +10316,7 @@ static void spsi_deposit_voxel(const spsi_deposit *deposit, const spsi_deposit_w
         at[k][i % 3] =
             deposit->kept ? spsi_imax(deposit->edges[0][k], spsi_imin(deposit->edges[1][k], sample)) : sample;
     }
-    for (int i = 0; i < 9; ++i) {
+    SPSI_ROLLED for (int i = 0; i < 9; ++i) {
         const int y = at[1][i % 3], slab = at[2][i / 3];
         const float amount = shares->weight[2][i / 3][lane] * shares->weight[1][i % 3][lane];
         if (y < low[1] || y > high[1] || slab < low[2] || slab > high[2]) continue;
@@ -10747,7 +10755,7 @@ SPSI_COLD void spsi_pyramid_list(const spsi_pyramid_job *job) {
 static void spsi_pyramid_show(const spsi_pyramid_job *job, int held) {
     const int pitch = spsi_pyramid_pitch(job->taps), border = job->taps / 2 - 1;
     const int lanes = spsi_imin(SPSI_LANES, SPSI_BRICK), whole = (1 << lanes) - 1;
-    for (int z = 0; z < SPSI_BRICK; ++z) {
+    SPSI_ROLLED for (int z = 0; z < SPSI_BRICK; ++z) {
         const float *plane = spsi_pyramid_plane(job->field, held, z + border);
         uint64_t *shown = &job->field->stored[held].shown[z];
         *shown = 0;
@@ -10834,8 +10842,8 @@ static void spsi_pyramid_copy(int taps, const spsi_pyramid_level *field, int fro
         const float *source = spsi_pyramid_plane(field, from, layer);
         float *plane = spsi_pyramid_plane(field, to, layer);
         if (source == field->values || plane == field->values) continue; /* the empty one */
-        for (int j = 0; j < y.count; ++j)
-            for (int i = 0; i < x.count; ++i)
+        SPSI_ROLLED for (int j = 0; j < y.count; ++j)
+            SPSI_ROLLED for (int i = 0; i < x.count; ++i)
                 plane[(y.to + j) * pitch + x.to + i] = source[(y.from + j) * pitch + x.from + i];
     }
 }
@@ -10862,7 +10870,7 @@ static void spsi_cells_mark(const uint64_t *const shown[27], int reach, uint32_t
     for (int z = low; z < high; ++z) {
         const int brick_z = (z + SPSI_BRICK) / SPSI_BRICK, sees_z = spsi_cells_seeing(reach, z);
         uint32_t layer = 0; /* 4 x 4 cells */
-        for (int y = low; y < high; ++y) {
+        SPSI_ROLLED for (int y = low; y < high; ++y) {
             const int brick_y = (y + SPSI_BRICK) / SPSI_BRICK, sees_y = spsi_cells_seeing(reach, y);
             const int row = (z + SPSI_BRICK) % SPSI_BRICK * SPSI_BRICK + (y + SPSI_BRICK) % SPSI_BRICK;
             const uint32_t bits = spsi_shown_row(shown + 9 * brick_z + 3 * brick_y, row);
@@ -10911,7 +10919,7 @@ static inline void spsi_second_difference(const float *v, const int step[3], sps
 static inline void spsi_third_difference(const float *v, const int step[3], spsi_v third[10]) {
     static const int pairs[6][2] = {{0, 1}, {0, 2}, {1, 0}, {1, 2}, {2, 0}, {2, 1}}; /* x x y, x x z, ... */
     for (int i = 0; i < 10; ++i) third[i] = spsi_set(0);
-    for (int n = 0; n < 16; ++n) {
+    SPSI_ROLLED for (int n = 0; n < 16; ++n) {
         const float *first = v + n % 4 * step[1] + n / 4 * step[2];
         spsi_v here[4], next[3][4];
         spsi_second_difference(first, step, here);
@@ -10998,7 +11006,7 @@ static void spsi_level_octant(const spsi_pyramid_job *job, int from, int to, con
             for (int x = 0; x < TO; ++x)
                 xy_halved[z][y][x] = 0.125f * (x_halved[z][2 * y][x] + x_halved[z][2 * y + 3][x]) +
                                      0.375f * (x_halved[z][2 * y + 1][x] + x_halved[z][2 * y + 2][x]);
-    for (int z = 0; z < TO; ++z) {
+    SPSI_ROLLED for (int z = 0; z < TO; ++z) {
         float *plane = spsi_pyramid_plane(job->field, to, first[2] + z);
         for (int y = 0; y < TO && plane > job->field->values; ++y) /* not the empty one */
             for (int x = 0; x < TO; ++x)
@@ -11254,7 +11262,7 @@ static inline void spsi_sampler_rays_limit(const spsi_sampler *t, const spsi_til
     end = spsi_fma(slope, rays->limit, rays->base);
     low = spsi_mul(spsi_floor(spsi_clamp(spsi_min(begin, end), spsi_set(0), last)), steps);
     high = spsi_mul(spsi_floor(spsi_clamp(spsi_max(begin, end), spsi_set(-1), last)), steps);
-    for (int n = 0; n <= rays->alternates; ++n) {
+    SPSI_ROLLED for (int n = 0; n <= rays->alternates; ++n) {
         spsi_sampler_line *line = &rays->lines[n];
         line->first = spsi_max(line->first, spsi_sub(low, spsi_set(1)));
         line->end = spsi_min(line->end, spsi_add(high, spsi_add(steps, spsi_set(1))));
@@ -11325,7 +11333,7 @@ static spsi_v spsi_sampler_cut(const spsi_sampler *t, const spsi_sampler_rays *r
 static inline void spsi_sampler_slabs(const spsi_sampler *t, const spsi_sampler_rays *rays, int count,
                                       int slabs[2]) {
     float low = SPSI_INFINITY, high = -SPSI_INFINITY;
-    for (int n = 0; n <= rays->alternates; ++n) {
+    SPSI_ROLLED for (int n = 0; n <= rays->alternates; ++n) {
         float first[SPSI_LANES], end[SPSI_LANES];
         spsi_store(first, rays->lines[n].first);
         spsi_store(end, rays->lines[n].end);
@@ -11466,8 +11474,8 @@ static void spsi_sampler_patch_range(const spsi_sampler *t, const spsi_tile *til
     for (int n = 0; n < 8; ++n)
         deepest = spsi_fmax(deepest, spsi_sampler_patch_depth(t, patch, n / 2, n % 2 * tile->slab_count));
     if (deepest <= tile->nearest_limit) return;
-    for (int y = patch->y0; y <= patch->y1; ++y)
-        for (int x = patch->x0; x <= patch->x1; ++x)
+    SPSI_ROLLED for (int y = patch->y0; y <= patch->y1; ++y)
+        SPSI_ROLLED for (int x = patch->x0; x <= patch->x1; ++x)
             range[1] = spsi_fmin(range[1], spsi_hit_depth(tile->limits, tile->limit_width, tile->limit_height, x, y));
 }
 
@@ -11525,12 +11533,12 @@ static spsi_v spsi_sampler_boxes_thirds(const spsi_sampler *t, const spsi_sample
     spsi_v first[3], last[3], most = spsi_set(0);
     int count[3];
     for (int k = 0; k < 3; ++k) count[k] = spsi_sampler_boxes_eighths(t, boxes, k, &first[k], &last[k]);
-    for (int z = 0; z < count[2]; ++z) {
+    SPSI_ROLLED for (int z = 0; z < count[2]; ++z) {
         const spsi_v layer = spsi_min(spsi_add(first[2], spsi_set((float)(2 * z))), last[2]);
-        for (int y = 0; y < count[1]; ++y) {
+        SPSI_ROLLED for (int y = 0; y < count[1]; ++y) {
             const spsi_v within = spsi_min(spsi_add(first[1], spsi_set((float)(2 * y))), last[1]);
             const spsi_v row = spsi_fma(layer, spsi_set((float)height), within);
-            for (int x = 0; x < count[0]; ++x) {
+            SPSI_ROLLED for (int x = 0; x < count[0]; ++x) {
                 const spsi_v column = spsi_min(spsi_add(first[0], spsi_set((float)(2 * x))), last[0]);
                 most = spsi_max(most, spsi_lookup(t->finest->bends, width, column, row));
             }
@@ -11573,7 +11581,7 @@ static float spsi_sampler_ray_position(int i, int count) { return count > 1 ? 3 
 static inline void spsi_sampler_across(int x, int width, spsi_v across[4]) {
     float lanes[4][SPSI_LANES];
     memset(lanes, 0, sizeof lanes);
-    for (int i = 0; i < spsi_imin(SPSI_LANES, width - x); ++i) {
+    SPSI_ROLLED for (int i = 0; i < spsi_imin(SPSI_LANES, width - x); ++i) {
         float weights[4];
         spsi_sampler_cubic(spsi_sampler_ray_position(x + i, width), weights);
         for (int k = 0; k < 4; ++k) lanes[k][i] = weights[k];
@@ -11599,9 +11607,9 @@ static void spsi_sampler_patch_spread(const spsi_tile *tile, const spsi_sampler_
     const int width = patch->x1 - patch->x0 + 1, height = patch->y1 - patch->y0 + 1;
     float down[SPSI_PATCH][4];
     memset(down, 0, sizeof down);
-    for (int i = 0; i < height; ++i) spsi_sampler_cubic(spsi_sampler_ray_position(i, height), down[i]);
+    SPSI_ROLLED for (int i = 0; i < height; ++i) spsi_sampler_cubic(spsi_sampler_ray_position(i, height), down[i]);
     sheets += (patch->y0 - tile->y0) * tile->pitch + patch->x0 - tile->x0;
-    for (int x = 0; x < width; x += SPSI_LANES) {
+    SPSI_ROLLED for (int x = 0; x < width; x += SPSI_LANES) {
         spsi_v across[4];
         spsi_sampler_across(x, width, across);
         for (int slab = 0; slab < tile->slab_count; ++slab) {
@@ -11620,7 +11628,8 @@ static void spsi_sampler_patch_add(const spsi_sampler *t, spsi_tile *tile, const
                                    uint32_t smooth, float *sheets) {
     float sums[SPSI_SAMPLER_SLABS * 16] = {0};
     int by_slab[SPSI_SAMPLER_SLABS + 3] = {0};
-    for (int slab = 0; slab < tile->slab_count; ++slab) by_slab[1 + slab] = smooth >> slab & 1 ? SPSI_ALL_LANES : 0;
+    SPSI_ROLLED for (int slab = 0; slab < tile->slab_count; ++slab)
+        by_slab[1 + slab] = smooth >> slab & 1 ? SPSI_ALL_LANES : 0;
     for (int part = 0; part < t->rays; ++part)
         for (int n = 0; n < 16; n += SPSI_LANES) {
             const spsi_v x = spsi_load(patch->x + n), y = spsi_load(patch->y + n);
@@ -12165,7 +12174,7 @@ static void spsi_thirds_task(void *data, int held) {
     float bends[8], values[SPSI_PYRAMID_FLOATS];
     int at[3];
     memset(values, 0, sizeof values);
-    for (int z = 0; z < spsi_pyramid_edge(taps); ++z)
+    SPSI_ROLLED for (int z = 0; z < spsi_pyramid_edge(taps); ++z)
         memcpy(values + z * spsi_plane_floats(taps), spsi_pyramid_plane(field, held, z),
                (size_t)spsi_plane_floats(taps) * sizeof(float));
     spsi_pyramid_at(field, field->stored[held].place, at);
@@ -12583,7 +12592,7 @@ static void spsi_particles_task(void *data, int i) {
     const spsi_frame *frame = contents->frame;
     const int chunks = spsi_chunk_count(contents->slabs);
     double slab = 0, reach, farthest = 0, room;
-    for (int n = 0; n < contents->target_count; ++n) {
+    SPSI_ROLLED for (int n = 0; n < contents->target_count; ++n) {
         spsi_particle_slabs(&contents->targets[n]->crossing, &frame->content->particles[i], &slab, &reach);
         farthest = spsi_dmax(farthest, reach);
     }
@@ -12705,10 +12714,10 @@ static void spsi_lists_task(void *data, int index) {
     const spsi_lists *lists = &target->particles;
     const int count = contents->particles.current, list_count = target->columns * target->rows + 1;
     memset(lists->starts, 0, ((size_t)list_count + 1) * sizeof(int));
-    for (int i = 0; i < count; ++i)
+    SPSI_ROLLED for (int i = 0; i < count; ++i)
         if (lists->places[i] >= 0) lists->starts[lists->places[i] / 4] += 1;
-    for (int list = 0; list < list_count; ++list) lists->starts[list + 1] += lists->starts[list];
-    for (int i = count - 1; i >= 0; --i) /* each list's end moves to its start */
+    SPSI_ROLLED for (int list = 0; list < list_count; ++list) lists->starts[list + 1] += lists->starts[list];
+    SPSI_ROLLED for (int i = count - 1; i >= 0; --i) /* each list's end moves to its start */
         if (lists->places[i] >= 0) lists->members[--lists->starts[lists->places[i] / 4]] = 4 * i + lists->places[i] % 4;
 }
 
@@ -12763,7 +12772,7 @@ static void spsi_tile_touch(spsi_tile_fill *fill) {
 static void spsi_tile_carry(spsi_tile_fill *fill) {
     const size_t floats = spsi_shape_floats(&fill->target->shape);
     float *sheets = fill->tile->sheets, *sums = sheets + floats;
-    for (size_t i = 0; i < floats; ++i) sums[i] = fill->carried ? sums[i] + sheets[i] : sheets[i];
+    SPSI_ROLLED for (size_t i = 0; i < floats; ++i) sums[i] = fill->carried ? sums[i] + sheets[i] : sheets[i];
     memset(sheets, 0, floats * sizeof *sheets);
     fill->summed = 0;
     fill->carried = 1;
@@ -12801,7 +12810,7 @@ static uint32_t spsi_patch_choose(const spsi_sampler *here, const spsi_tile *til
     float bends[SPSI_SAMPLER_SLABS + SPSI_LANES];
     const uint32_t whole = spsi_sampler_patch_thirds(here, tile, patch, bends);
     uint32_t smooth = 0;
-    for (int slab = 0; slab < tile->slab_count; ++slab) {
+    SPSI_ROLLED for (int slab = 0; slab < tile->slab_count; ++slab) {
         const float bound = *spent + across * bends[slab];
         if (!(bound <= allowed) || !(whole >> slab & 1)) continue;
         *spent = bound;
@@ -12823,7 +12832,7 @@ static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_sampler *here
         if (!(patches >> n & 1) || !spsi_tile_patch(fill->tile, n, &patch)) continue;
         const float depth = here->mix * spsi_target_depth(target, medium, &patch);
         const uint32_t smooth = spsi_patch_choose(here, fill->tile, &patch, depth, allowed, &spent[n]);
-        for (int slab = 0; slab < fill->tile->slab_count; ++slab)
+        SPSI_ROLLED for (int slab = 0; slab < fill->tile->slab_count; ++slab)
             if (smooth >> slab & 1) rest[slab] &= ~(UINT64_C(1) << n);
         if (smooth) spsi_sampler_patch_add(here, fill->tile, &patch, smooth, channel);
     }
@@ -12840,7 +12849,7 @@ static uint64_t spsi_patch_pixels(uint64_t patches, int row) {
 /* Pixels in patches whose rays have not terminated, by row. */
 static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t live[SPSI_TILE_HEIGHT]) {
     const int width = tile->x1 - tile->x0 + 1, height = tile->y1 - tile->y0 + 1;
-    for (int y = 0; y < SPSI_TILE_HEIGHT; ++y) {
+    SPSI_ROLLED for (int y = 0; y < SPSI_TILE_HEIGHT; ++y) {
         uint64_t ended = 0;
         for (int x = 0; x < width && y < height && tile->depth; x += SPSI_LANES) {
             const spsi_v depth = spsi_load_first(tile->depth + (size_t)y * tile->depth_pitch + x, width - x);
@@ -12869,7 +12878,7 @@ static int spsi_reach_wanted(const spsi_target *target, int medium, float way) {
 static void spsi_tile_need(const uint64_t patches[SPSI_SAMPLER_SLABS], int count, int x, int row,
                            int by_slab[SPSI_SAMPLER_SLABS + 3]) {
     by_slab[0] = by_slab[count + 1] = by_slab[count + 2] = 0;
-    for (int slab = 0; slab < count; ++slab)
+    SPSI_ROLLED for (int slab = 0; slab < count; ++slab)
         by_slab[1 + slab] = (int)(spsi_patch_pixels(patches[slab], row) >> x & SPSI_ALL_LANES);
 }
 
@@ -12880,7 +12889,7 @@ static void spsi_tile_follow(const spsi_sampler *here, spsi_tile *tile, const ui
     const int width = tile->x1 - tile->x0 + 1;
     uint64_t live[SPSI_TILE_HEIGHT], all = 0;
     int by_slab[SPSI_SAMPLER_SLABS + 3];
-    for (int slab = 0; slab < tile->slab_count; ++slab) all |= patches[slab];
+    SPSI_ROLLED for (int slab = 0; slab < tile->slab_count; ++slab) all |= patches[slab];
     spsi_tile_live(tile, all, live);
     for (int x = 0; x < width; x += SPSI_LANES)
         for (int y = 0; y < SPSI_TILE_HEIGHT; ++y) {
@@ -12900,7 +12909,7 @@ static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t pa
     float *channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
     const float way = spsi_sampler_crossed(&here, tile);
     here.cells = (const uint32_t(*)[2])here.field->cells[spsi_reach_wanted(target, medium, way)];
-    for (int slab = 0; slab < tile->slab_count; ++slab) rest[slab] = patches;
+    SPSI_ROLLED for (int slab = 0; slab < tile->slab_count; ++slab) rest[slab] = patches;
     here.steps = spsi_sampler_steps(&here, way);
     if (spsi_target_interpolates(target, medium) && here.level <= 1)
         spsi_tile_interpolate(fill, &here, medium, channel, rest);
@@ -13128,7 +13137,7 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
                                       const spsi_row_slabs *slabs) {
     const spsi_v part_length = spsi_mul(spsi_mul(slabs->per_slab, slabs->length), spsi_set(1.0f / SPSI_SUBSLABS));
     spsi_v depth = spsi_set(0);
-    for (int c = 0; c < shader->frame->matter.light_channel_count; ++c) {
+    SPSI_ROLLED for (int c = 0; c < shader->frame->matter.light_channel_count; ++c) {
         const int material = shader->material_of_channel[c];
         const spsi_v sum = spsi_sheet_sum(tile, c, at);
         spsi_v values[3];
@@ -13227,7 +13236,8 @@ static void spsi_tmap_within(const sps_tmap *map, const spsi_texel *texel, int c
     const float *range = (const float *)texel->data - 2;
     const float first = map->has_range ? range[0] : 0, last = map->has_range ? range[1] : 1;
     const float per_length = 1 / spsi_fmax(last - first, FLT_MIN);
-    for (int k = 0; k < count; ++k) within[k] = u[k] < first ? -1 : u[k] < last ? (u[k] - first) * per_length : 1;
+    SPSI_ROLLED for (int k = 0; k < count; ++k)
+        within[k] = u[k] < first ? -1 : u[k] < last ? (u[k] - first) * per_length : 1;
 }
 
 #define SPSI_SHADOW_TABLE_PLANES_MOST 1024
@@ -13727,7 +13737,7 @@ static void spsi_map_tile_clear(const spsi_map_tile *into) {
     const spsi_filling *filling = into->filling;
     const size_t floats = (size_t)filling->map->inner.components * into->stride;
     if (filling->visit == SPSI_VISIT_RANGE)
-        for (size_t i = 0; i < into->stride; ++i) into->ranges[i] = 1, into->ranges[into->stride + i] = 0;
+        SPSI_ROLLED for (size_t i = 0; i < into->stride; ++i) into->ranges[i] = 1, into->ranges[into->stride + i] = 0;
     if (filling->visit == SPSI_VISIT_SUMS) memset(into->sums, 0, floats * sizeof(float));
 }
 
@@ -13807,7 +13817,7 @@ static void spsi_shadow_table_store(const spsi_shadow_table *table, size_t texel
     const float end = table->end;
     uint32_t before = 0;
     double sum = 0;
-    for (int k = 0; k < planes; ++k) {
+    SPSI_ROLLED for (int k = 0; k < planes; ++k) {
         sum = (are_sums ? sum : 0) + (double)depths[(size_t)k * stride];
         const float steps = spsi_fmax(0, spsi_fmin((float)sum, end)) * (SPSI_SHADOW_TABLE_MOST / end);
         const uint32_t next = (uint32_t)(steps + 0.5f);
@@ -13845,7 +13855,7 @@ static void spsi_store_task(void *data, int index) {
             *out++ = into.ranges[i];
             *out++ = spsi_fmax(into.ranges[into.stride + (size_t)i], into.ranges[i]);
         }
-        for (int k = 0; k < components; ++k) out[k] = into.sums[(size_t)k * into.stride + (size_t)i];
+        SPSI_ROLLED for (int k = 0; k < components; ++k) out[k] = into.sums[(size_t)k * into.stride + (size_t)i];
         if (map->technique->finish) map->technique->finish(&map->inner, out);
         const spsi_texel whole = {out, 0};
         if (map->table) spsi_shadow_table_evaluate(map, texel, &whole);
@@ -15089,7 +15099,7 @@ static void spsi_penumbra_keep(const spsi_penumbra *penumbra, const spsi_light_s
             const spsi_row_slabs slabs = spsi_row_slabs_at(shader, x, y);
             const spsi_v per_length = spsi_div(slabs.count, slabs.length);
             spsi_v any = spsi_set(0);
-            for (int k = 0; k < SPSI_CHUNK; ++k) {
+            SPSI_ROLLED for (int k = 0; k < SPSI_CHUNK; ++k) {
                 const spsi_v depth =
                     spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size, &slabs);
                 any = spsi_max(any, depth);
@@ -15114,7 +15124,7 @@ static void spsi_penumbra_clear(const spsi_penumbra *penumbra, int index) {
     if (!penumbra->held[index]) return;
     penumbra->held[index] = 0;
     for (int k = 0; k < SPSI_CHUNK; ++k)
-        for (int y = tile.y0; y <= tile.y1; ++y)
+        SPSI_ROLLED for (int y = tile.y0; y <= tile.y1; ++y)
             memset(penumbra->sheets + (size_t)k * texels + (size_t)y * width + (size_t)tile.x0, 0,
                    (size_t)(tile.x1 - tile.x0 + 1) * sizeof(float));
 }
@@ -15167,7 +15177,7 @@ static void spsi_beam_lengths(const spsi_beam *beam, int x0, int y, int count, f
 static spsi_area spsi_beam_stopped(const spsi_beam *beam, spsi_area area, float layer, float *stopped) {
     const size_t width = (size_t)(area.x1 - area.x0 + 1);
     spsi_area any = spsi_area_none();
-    for (int y = area.y0; y <= area.y1; ++y)
+    SPSI_ROLLED for (int y = area.y0; y <= area.y1; ++y)
         for (int x = area.x0; x <= area.x1; x += SPSI_LANES) {
             const int some = spsi_imin(SPSI_LANES, area.x1 - x + 1);
             const spsi_area here = {x, y, x + some - 1, y};
@@ -15201,7 +15211,7 @@ static void spsi_beam_add_row(const spsi_penumbra *penumbra, const spsi_beam *be
     const spsi_texel_grid grid = {beam->depth, beam->x0, beam->y0, beam->rays.width, beam->rays.height};
     const spsi_texel_row to = {row->x0, row->y, row->count, NULL, depth};
     spsi_row_add(&grid, slide, &to);
-    for (int i = 0; i < row->count; i += SPSI_LANES) {
+    SPSI_ROLLED for (int i = 0; i < row->count; i += SPSI_LANES) {
         const int some = spsi_imin(SPSI_LANES, row->count - i);
         const spsi_v through = spsi_exp(spsi_sub(zero, spsi_max(zero, spsi_load(depth + i))));
         spsi_store_first(plane + i, spsi_add(spsi_load_first(plane + i, some), through), some);
@@ -15215,7 +15225,7 @@ static void spsi_beam_hide_row(const spsi_texel_grid *grid, const spsi_slide *sl
     float stopped[SPSI_TILE_WIDTH + SPSI_LANES] = {0};
     const spsi_texel_row to = {row->x0, row->y, row->count, NULL, stopped};
     spsi_row_add(grid, slide, &to);
-    for (int i = 0; i < row->count; i += SPSI_LANES) {
+    SPSI_ROLLED for (int i = 0; i < row->count; i += SPSI_LANES) {
         const int some = spsi_imin(SPSI_LANES, row->count - i);
         const spsi_v share = spsi_clamp(spsi_load(stopped + i), zero, one); /* cubics overshoot */
         const spsi_v through = spsi_load_first(passes + row->own + i, some);
@@ -15266,7 +15276,7 @@ static void spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, 
 static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, const spsi_tile_row *row, int layers) {
     const spsi_v all = spsi_set((float)penumbra->beam_count), one = spsi_set(1);
     float *plane = penumbra->planes[penumbra->plane] + row->texel;
-    for (int x = 0; x < row->count; x += SPSI_LANES) {
+    SPSI_ROLLED for (int x = 0; x < row->count; x += SPSI_LANES) {
         const int some = spsi_imin(SPSI_LANES, row->count - x);
         const spsi_v passes = spsi_load_first(plane + x, some);
         const spsi_v per_passed = spsi_div(one, spsi_max(passes, spsi_set(1e-30f)));
@@ -15286,10 +15296,10 @@ static void spsi_penumbra_plane_task(void *data, int index, int worker) {
     if (penumbra->plane == 0) penumbra->looked_up[index] = spsi_penumbra_reach(penumbra, index);
     const spsi_area area = penumbra->looked_up[index];
     for (int pass = 0; pass < 2; ++pass) {
-        for (int y = area.y0; y <= area.y1; ++y) {
+        SPSI_ROLLED for (int y = area.y0; y <= area.y1; ++y) {
             const spsi_tile_row row = spsi_tile_row_at(penumbra, area, y);
             const size_t bytes = (size_t)row.count * sizeof(float);
-            for (int n = 0; n < layers && pass == 0; ++n)
+            SPSI_ROLLED for (int n = 0; n < layers && pass == 0; ++n)
                 memset(spsi_penumbra_layer(penumbra, n) + row.texel, 0, bytes);
             if (pass == 0) memset(penumbra->planes[penumbra->plane] + row.texel, 0, bytes);
             if (pass == 1) spsi_penumbra_finish_row(penumbra, &row, layers);
@@ -15384,7 +15394,7 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
     depth = spsi_bilinear_inside(slab < first + SPSI_CHUNK ? beam->start : beam->depth, beam->rays.width,
                                  beam->rays.height, q[0], q[1]);
     if (!(slab > first && slab < first + SPSI_CHUNK) || !spsi_beam_meets(penumbra, beam, texel, slab)) return depth;
-    for (int k = 0; k < SPSI_CHUNK && slab > first + k; ++k) {
+    SPSI_ROLLED for (int k = 0; k < SPSI_CHUNK && slab > first + k; ++k) {
         const float *sheet = penumbra->sheets + (size_t)k * spsi_ray_count(rays);
         spsi_slide slide;
         double at[2];
@@ -15665,7 +15675,7 @@ static void spsi_spread_column_by(const spsi_spread_column *column) {
     float lanes[SPSI_LANES], most = 0;
     spsi_v wide = spsi_set(0);
     int k = 1;
-    for (int y = 0; y < column->lines; ++y) {
+    SPSI_ROLLED for (int y = 0; y < column->lines; ++y) {
         const size_t at = column->first + (size_t)y * column->pitch;
         const spsi_v flux = spsi_max(spsi_load(part[SPSI_SPREAD_FLUX] + at), spsi_set(FLT_MIN));
         wide = spsi_max(wide, spsi_div(spsi_load(widths + at), flux));
@@ -15676,7 +15686,7 @@ static void spsi_spread_column_by(const spsi_spread_column *column) {
     while (spsi_spread_capacity(2 * k) < most && 2 * k <= spsi_imin(SPSI_SPREAD_STEP, column->lines)) k *= 2;
     for (; k > 0; k /= 2) {
         const spsi_v capacity = spsi_set(spsi_spread_capacity(k)), per_square = spsi_set(1 / ((float)k * (float)k));
-        for (int y = 0; y < column->lines; ++y) {
+        SPSI_ROLLED for (int y = 0; y < column->lines; ++y) {
             const size_t at = column->first + (size_t)y * column->pitch;
             const spsi_v flux = spsi_load(part[SPSI_SPREAD_FLUX] + at), width = spsi_load(widths + at);
             const spsi_v mean = spsi_div(width, spsi_max(flux, spsi_set(FLT_MIN)));
@@ -15686,7 +15696,7 @@ static void spsi_spread_column_by(const spsi_spread_column *column) {
             spsi_store(column->share + (size_t)y * SPSI_LANES, share);
             spsi_store(widths + at, k > 1 ? spsi_max(spsi_sub(width, spent), spsi_set(0)) : spsi_set(0));
         }
-        for (int i = column->from; i < SPSI_SPREAD_PARTS; ++i) spsi_spread_move(column, part[i], k);
+        SPSI_ROLLED for (int i = column->from; i < SPSI_SPREAD_PARTS; ++i) spsi_spread_move(column, part[i], k);
     }
 }
 
@@ -15706,7 +15716,7 @@ SPSI_NOINLINE void spsi_spread_transpose(const spsi_spread_light *light, int sid
     const int lines = light->size[!side], block = 16; /* one cache line */
     for (int first = 0; first < lines; first += block)
         for (int x = 0; x < light->size[side]; ++x)
-            for (int y = first; y < spsi_imin(first + block, lines); ++y)
+            SPSI_ROLLED for (int y = first; y < spsi_imin(first + block, lines); ++y)
                 turned[(size_t)x * to + (size_t)y] = part[(size_t)y * from + (size_t)x];
 }
 
@@ -15887,7 +15897,7 @@ static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *
             const spsi_row_slabs slabs = spsi_row_slabs_at(shader, x, y);
             const int count = spsi_imin(SPSI_LANES, tile->x1 - x + 1);
             spsi_v depth = spsi_load_first(planes->depth[SPSI_CHUNK] + to, count);
-            for (int k = 0; k <= SPSI_CHUNK; ++k) {
+            SPSI_ROLLED for (int k = 0; k <= SPSI_CHUNK; ++k) {
                 if (y + rows_ahead <= tile->y1)
                     spsi_prefetch_to_write(planes->depth[k] + to + rows_ahead * planes->width);
                 spsi_store_first(planes->depth[k] + to, depth, count);
@@ -16086,7 +16096,7 @@ static spsi_v spsi_planes_find(const spsi_planes *planes, const float *grids, sp
     spsi_v found = spsi_set(0);
     float lanes[SPSI_LANES];
     spsi_store(lanes, number);
-    for (int lane = 0, done = 0; lane < SPSI_LANES; ++lane) {
+    SPSI_ROLLED for (int lane = 0, done = 0; lane < SPSI_LANES; ++lane) {
         const float *values = grids + (size_t)lanes[lane] * texels;
         const spsi_m here = spsi_less(spsi_abs(spsi_sub(number, spsi_set(lanes[lane]))), spsi_set(0.5f));
         if (done >> lane & 1) continue;
@@ -16716,7 +16726,7 @@ static void spsi_forward_part_build(spsi_v cosine, spsi_v start, spsi_v end, sps
 /* Mean of X in a level; `row`: its first row, per lane. */
 static spsi_v spsi_forward_mean(const spsi_forward *forward, spsi_v row, const spsi_forward_part *part) {
     spsi_v sum = spsi_set(0);
-    for (int i = 0; i < part->count; ++i)
+    SPSI_ROLLED for (int i = 0; i < part->count; ++i)
         sum = spsi_fma(part->weight[i],
                        spsi_bilinear(forward->level[0], SPSI_FORWARD_SIZE, SPSI_FORWARD_SIZE * forward->level_count,
                                      part->along[i], spsi_add(row, part->across)),
@@ -16978,7 +16988,7 @@ static void spsi_cell_row_border(const spsi_cell_sweep *sweep, int i, int y, int
     const size_t row = (size_t)(cz * size[1] + cy) * (size_t)level->pitch;
     const int bit = (int)(sweep->directions[i] - level->solver->directions);
     float *to = spsi_cell_sweep_row(sweep, i, y, z);
-    for (int x = -1; x <= size[0]; ++x) {
+    SPSI_ROLLED for (int x = -1; x <= size[0]; ++x) {
         const size_t at = row + (size_t)spsi_imax(0, spsi_imin(x, size[0] - 1));
         to[x] = level->walls[at].outside >> bit & 1 ? level->walls[at].sent : 0;
     }
@@ -16997,21 +17007,22 @@ static const float *spsi_cell_row_enters(const spsi_cell_sweep *sweep, int i, in
     const uint32_t *closed = spsi_cell_row_closed(level, row);
     const int first = direction->follows, end = direction->beside_count;
     const float *from[4];
-    for (int k = first; k < end; ++k) {
+    SPSI_ROLLED for (int k = first; k < end; ++k) {
         const int *step = direction->beside[k];
         from[k] = spsi_cell_sweep_row(sweep, i, y - step[1], z - step[2]) - step[0];
     }
     if (!first && end == 1 && !closed) return from[0];
     for (int x = 0; x < level->pitch; x += SPSI_LANES) {
         spsi_v sum = spsi_set(0);
-        for (int k = first; k < end; ++k) sum = spsi_fma(spsi_set(direction->share[k]), spsi_load(from[k] + x), sum);
+        SPSI_ROLLED for (int k = first; k < end; ++k)
+            sum = spsi_fma(spsi_set(direction->share[k]), spsi_load(from[k] + x), sum);
         spsi_store(own + x, sum);
     }
-    for (int x = 0; closed && x < level->size[0]; ++x) {
+    SPSI_ROLLED for (int x = 0; closed && x < level->size[0]; ++x) {
         const float blocker = level->walls ? level->walls[row + (size_t)x].sent : 0;
         if (!(closed[x] & direction->links)) continue;
         own[x] = 0;
-        for (int k = first; k < end; ++k)
+        SPSI_ROLLED for (int k = first; k < end; ++k)
             own[x] += direction->share[k] * (closed[x] >> direction->link[k] & 1 ? blocker : from[k][x]);
     }
     return own;
@@ -17029,16 +17040,16 @@ static void spsi_cell_rows_follow(const spsi_cell_sweep *sweep, int pair, int y,
     float *sent = sweep->rows + SPSI_CELL_SWEPT * spsi_cell_row_floats(level), *ahead = sent + level->pitch;
     float carried[2] = {spsi_cell_sweep_row(sweep, pair, y, z)[last + 1],
                         spsi_cell_sweep_row(sweep, pair + 1, y, z)[-1]};
-    for (int x = 0; x <= last; x += SPSI_LANES)
+    SPSI_ROLLED for (int x = 0; x <= last; x += SPSI_LANES)
         for (int i = 0; i < 2; ++i) { /* one multiplication remains in the recurrence */
             spsi_v s = spsi_load(level->sent + row + x), more;
-            for (int t = 1; t < level->solver->terms; ++t)
+            SPSI_ROLLED for (int t = 1; t < level->solver->terms; ++t)
                 s = spsi_fma(spsi_load(level->sent + (size_t)t * level->count + row + (size_t)x),
                              spsi_set(direction[i]->harmonic[t]), s);
             more = spsi_sub(spsi_load(in[i] + x), s);
             spsi_store((i ? ahead : sent) + x, spsi_fma(more, spsi_load(through + x), s));
         }
-    for (int n = 0; n <= last; ++n)
+    SPSI_ROLLED for (int n = 0; n <= last; ++n)
         for (int i = 0; i < 2; ++i) {
             const int x = i ? n : last - n;
             if (closed && (closed[x] >> direction[i]->link[0] & 1))
@@ -17058,7 +17069,7 @@ static inline void spsi_cell_row_of(const spsi_cell_beams *beams, size_t row, fl
             sent[t] = spsi_load(level->sent + term);
             sum[t] = beams->first > 0 ? spsi_load(moments + term) : spsi_set(0);
         }
-        for (int i = beams->first; i < beams->end; ++i) {
+        SPSI_ROLLED for (int i = beams->first; i < beams->end; ++i) {
             const spsi_cell_direction *direction = beams->sweep->directions[i];
             const spsi_v through = spsi_load(level->through[direction->length] + at);
             const spsi_v average = spsi_load(level->average[direction->length] + at);
@@ -17091,7 +17102,7 @@ static void spsi_cell_sweep_row_at(spsi_cell_beams *beams, int y, int z, float *
     if (terms == 1) spsi_cell_row_of(beams, row, moments, 1);
     if (terms == 4) spsi_cell_row_of(beams, row, moments, 4);
     if (terms == SPSI_CELL_TERMS) spsi_cell_row_of(beams, row, moments, SPSI_CELL_TERMS);
-    for (int i = beams->first; i < beams->end && level->walls; ++i) spsi_cell_row_end(sweep, i, row, beams->out[i]);
+    SPSI_ROLLED for (int i = beams->first; i < beams->end && level->walls; ++i) spsi_cell_row_end(sweep, i, row, beams->out[i]);
 }
 
 static void spsi_cell_sweep_plane(const spsi_cell_sweep *sweep, int index, int z) {
@@ -17102,7 +17113,7 @@ static void spsi_cell_sweep_plane(const spsi_cell_sweep *sweep, int index, int z
         beams.sweep = sweep;
         beams.first = falls ? sweep->rising : 0;
         beams.end = falls ? sweep->count : sweep->rising;
-        for (int i = beams.first; i < beams.end && level->walls; ++i) {
+        SPSI_ROLLED for (int i = beams.first; i < beams.end && level->walls; ++i) {
             const int up = sweep->directions[i]->step[1];
             if (up != 0) spsi_cell_row_border(sweep, i, up > 0 ? -1 : rows, z);
         }
@@ -17116,7 +17127,7 @@ static void spsi_cells_sweep_task(void *data, int index) {
     const int planes = level->size[2], before = index ? -1 : planes;
     spsi_cell_sweep sweep;
     spsi_cell_sweep_begin(level, index, &sweep);
-    for (int i = 0; i < sweep.count && level->walls; ++i)
+    SPSI_ROLLED for (int i = 0; i < sweep.count && level->walls; ++i)
         for (int y = -1; y <= level->size[1]; ++y) spsi_cell_row_border(&sweep, i, y, before);
     for (int n = 0; n < planes; ++n) spsi_cell_sweep_plane(&sweep, index, index ? n : planes - 1 - n);
 }
@@ -17202,7 +17213,7 @@ static void spsi_cells_coarsen_task(void *data, int z) {
                 sum += fine->depth[at[count++]];
             }
             coarse->depth[to] = 0.25f * sum; /* an eighth of the density, twice the edge */
-            for (int k = 0; k < step->count && sum > 0; ++k) {
+            SPSI_ROLLED for (int k = 0; k < step->count && sum > 0; ++k) {
                 const float *from = step->from + (size_t)k * fine->count;
                 float mean = 0;
                 for (int i = 0; i < count; ++i) mean += fine->depth[at[i]] / sum * from[at[i]];
@@ -17237,14 +17248,14 @@ static void spsi_cells_correct_task(void *data, int z) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
     for (int t = 0; t < step->count; ++t)
-        for (int y = 0; y < fine->size[1]; ++y) {
+        SPSI_ROLLED for (int y = 0; y < fine->size[1]; ++y) {
             const size_t row = (size_t)(z * fine->size[1] + y) * (size_t)fine->pitch;
             const float *moments[4], *given[4], *keep = fine->keep[spsi_term_degree(t)];
             const float *miss = fine->moments[1] + (size_t)t * fine->count + row;
             float *sent = fine->sent + (size_t)t * fine->count + row, unkept[SPSI_LANES];
             if (coarse) spsi_cell_rows_about(coarse, coarse->moments[0] + (size_t)t * coarse->count, y, z, moments);
             if (coarse) spsi_cell_rows_about(coarse, coarse->given + (size_t)t * coarse->count, y, z, given);
-            for (int x = 0; x < fine->size[0]; ++x) {
+            SPSI_ROLLED for (int x = 0; x < fine->size[0]; ++x) {
                 const float smooth = coarse ? spsi_cell_rows_at(given, x, coarse->size[0]) : 0;
                 const float back = coarse ? spsi_cell_rows_at(moments, x, coarse->size[0]) : 0;
                 const size_t at = row + (size_t)x;
@@ -17418,8 +17429,8 @@ static float spsi_cells_extrapolated(const spsi_cell_grid *grid, const float *se
     float sum[2] = {0, 0};
     int count[2] = {0, 0};
     for (int z = spsi_imax(at[2] - 1, 0); z < spsi_imin(at[2] + 2, size[2]); ++z)
-        for (int y = spsi_imax(at[1] - 1, 0); y < spsi_imin(at[1] + 2, size[1]); ++y)
-            for (int x = spsi_imax(at[0] - 1, 0); x < spsi_imin(at[0] + 2, size[0]); ++x) {
+        SPSI_ROLLED for (int y = spsi_imax(at[1] - 1, 0); y < spsi_imin(at[1] + 2, size[1]); ++y)
+            SPSI_ROLLED for (int x = spsi_imax(at[0] - 1, 0); x < spsi_imin(at[0] + 2, size[0]); ++x) {
                 const size_t next = (size_t)(z * size[1] + y) * pitch + (size_t)x, beyond = 2 * next - here;
                 const int aside = abs(x - at[0]) + abs(y - at[1]) + abs(z - at[2]) != 1;
                 const int last[3] = {2 * x - at[0], 2 * y - at[1], 2 * z - at[2]};
@@ -17439,7 +17450,7 @@ static void spsi_cells_extrapolate_task(void *data, int row) {
     const spsi_cell_grid *grid = look->grid;
     const int count = look->frame->matter.material_count * grid->channels;
     int at[3] = {0, row % grid->size[1], row / grid->size[1]};
-    for (at[0] = 0; at[0] < grid->size[0]; ++at[0]) {
+    SPSI_ROLLED for (at[0] = 0; at[0] < grid->size[0]; ++at[0]) {
         const size_t cell = (size_t)row * (size_t)grid->pitch + (size_t)at[0];
         for (int i = 0; i < count && !(grid->depth[cell] > 0); ++i) {
             float *seen = grid->seen + (size_t)i * grid->count;
@@ -17531,7 +17542,7 @@ static inline spsi_v spsi_cell_path_transmittance(const double extent[3], const 
 static double spsi_cell_irradiance(const spsi_cell_grid *grid, const float *flux, const float harmonic[]) {
     static const double degree[3] = {SPSI_PI, 2 * SPSI_PI / 3, SPSI_PI / 4};
     double sum = 0, square = DBL_MIN, toward = 0, mean;
-    for (int t = 0; t < grid->flux_terms; ++t) {
+    SPSI_ROLLED for (int t = 0; t < grid->flux_terms; ++t) {
         const double moment = (double)flux[(size_t)t * grid->count], part = (double)harmonic[t] * moment;
         sum += degree[spsi_term_degree(t)] * part;
         if (spsi_term_degree(t) == 1) square += moment * moment, toward += part;
@@ -17556,7 +17567,7 @@ static double spsi_cells_irradiance_within(const spsi_cell_grid *grid, int chann
         share[k] = grid->size[k] > 1 ? spsi_dmax(0, spsi_dmin(at + 0.5 * normal[k] - low[k], 1)) : 0;
         place[k] = at - low[k];
     }
-    for (int i = 0; i < 8; ++i) {
+    SPSI_ROLLED for (int i = 0; i < 8; ++i) {
         const int x = i & 1, y = i >> 1 & 1, z = i >> 2;
         const double weight =
             (x ? share[0] : 1 - share[0]) * (y ? share[1] : 1 - share[1]) * (z ? share[2] : 1 - share[2]);
@@ -17641,7 +17652,7 @@ static uint64_t spsi_cell_visibility_trace(const spsi_cell_visibility *visibilit
         }
         if (count == 0) break;
         spsi_packet_trace(visibility->faces, &packet);
-        for (int i = 0; i < count; ++i) hidden |= (uint64_t)(~packet.open >> i & 1) << patch[i];
+        SPSI_ROLLED for (int i = 0; i < count; ++i) hidden |= (uint64_t)(~packet.open >> i & 1) << patch[i];
     }
     return hidden;
 }
@@ -17697,7 +17708,7 @@ static void spsi_cell_patches_phase(const spsi_cell_grid *grid, const spsi_cell_
     const spsi_v one = spsi_set(1), unit = spsi_set((float)(4 * SPSI_PI)), edge = spsi_set(1 / (float)grid->edge);
     spsi_v all = spsi_set(FLT_MIN);
     phase[0] = phase[1] = spsi_set(0);
-    for (int i = 0; i < light->places; ++i) {
+    SPSI_ROLLED for (int i = 0; i < light->places; ++i) {
         const spsi_v off = spsi_mul(through, spsi_set(light->places == 1 ? 0.5f : i ? 0.75f : 0.25f));
         spsi_v to[3], share, cosine;
         for (int k = 0; k < 3; ++k) {
@@ -17707,7 +17718,7 @@ static void spsi_cell_patches_phase(const spsi_cell_grid *grid, const spsi_cell_
         share = spsi_div(one, spsi_max(spsi_dot_v(to, to), spsi_set(1e-20f)));
         cosine = spsi_mul(spsi_dot_v(to, ahead), spsi_sqrt(share));
         all = spsi_add(all, share);
-        for (int n = 0; n < material->lobe_count; ++n) {
+        SPSI_ROLLED for (int n = 0; n < material->lobe_count; ++n) {
             const float g = spsi_fmax(spsi_fmin(material->lobes[n].asymmetry, 0.85f), -0.85f), g2 = g * g;
             const float peak = (grid->orders > 2 ? g2 * g2 : g2) * (1 - g2) * (1 - g2) / (1 + g2);
             const spsi_v lobe = spsi_mul(spsi_lobe_phase(g, cosine), unit);
@@ -17745,17 +17756,17 @@ static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *se
     for (int k = 0; k < 3; ++k) toward[k] = spsi_mul(toward[k], scale);
     spsi_harmonics_v(toward, SPSI_CELL_TERMS, harmonic);
     for (int i = 0; i < sets; i += peaks)
-        for (int m = 0; m < peaks; ++m)
+        SPSI_ROLLED for (int m = 0; m < peaks; ++m)
             spsi_cell_patches_phase(from->grid, &from->grid->lights[i / peaks], &from->grid->peaks[m], place, ahead,
                                     through, phase[i + m]);
-    for (int c = 0; c < from->count; ++c, sent += (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET) {
+    SPSI_ROLLED for (int c = 0; c < from->count; ++c, sent += (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET) {
         const spsi_m takes = spsi_less(spsi_load(sent), zero); /* the medium takes ambient light */
         const spsi_v depth = spsi_mul(through, spsi_set(from->thick[c]));
         spsi_v sum = spsi_cell_patches_sum(sent + SPSI_CELL_SHEET, harmonic);
         sum = spsi_select(takes, spsi_min(sum, zero), spsi_max(sum, zero));
         const float straight = sets > 0 ? 1 / spsi_fmax(from->grid->scale[from->channel + c], 0.03f) - 1 : 0;
         const spsi_v kept = sets > 0 ? spsi_mean_transmittance(zero, spsi_mul(depth, spsi_set(straight))) : one;
-        for (int i = 0; i < sets; ++i) {
+        SPSI_ROLLED for (int i = 0; i < sets; ++i) {
             const spsi_v single = spsi_cell_patches_sum(sent + (1 + i) * set + SPSI_CELL_SHEET, harmonic);
             sum = spsi_fma(spsi_max(single, zero), spsi_fma(phase[i][1], spsi_sub(kept, one), phase[i][0]), sum);
         }
@@ -17779,7 +17790,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
     from.grid = grid, from.channel = channel, from.count = count, from.sent = spsi_cell_patches_sent(grid, channel);
     spsi_set3(to->normal, from.normal);
     for (int k = 0; k < 3; ++k) from.extent[k] = grid->edge * grid->size[k];
-    for (int c = 0; c < count; ++c) from.thick[c] = grid->thick[channel + c] / (float)grid->edge;
+    SPSI_ROLLED for (int c = 0; c < count; ++c) from.thick[c] = grid->thick[channel + c] / (float)grid->edge;
     for (int n = 0; n < SPSI_CELL_SHEET; n += SPSI_LANES) {
         const float *patch = grid->patches + n;
         const int side = spsi_cell_patch_side(n), axis = from.axis = side / 2;
@@ -17819,12 +17830,12 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
             }
             spsi_cell_patches_send(&from, from.sent + n, way, off, area, some);
         }
-        for (int c = 0; c < count; ++c) {
+        SPSI_ROLLED for (int c = 0; c < count; ++c) {
             all[c] = spsi_fma(some[c], to->open ? spsi_load(to->open + n) : spsi_set(1), all[c]);
             whole = spsi_add(whole, some[c]);
         }
     }
-    for (int c = 0; c < count; ++c) seen += irradiance[c] = spsi_total(all[c]);
+    SPSI_ROLLED for (int c = 0; c < count; ++c) seen += irradiance[c] = spsi_total(all[c]);
     sum = spsi_total(whole); /* both negative where the medium takes ambient light */
     return fabs(sum) > 0 ? spsi_dmax(0, spsi_dmin(seen / sum, 1)) : 1;
 }
@@ -17909,7 +17920,7 @@ static int spsi_light_has_beam(const spsi_light *light) {
 
 static int spsi_flies_to_cells(const spsi_frame *frame) {
     int some = frame->matter.emits || (frame->meshes.count > 0 && frame->lights.count > 0);
-    for (int i = 0; i < frame->lights.count; ++i) some |= spsi_light_has_beam(&frame->lights.list[i]);
+    SPSI_ROLLED for (int i = 0; i < frame->lights.count; ++i) some |= spsi_light_has_beam(&frame->lights.list[i]);
     return frame->matter.scatters && some;
 }
 
@@ -17922,7 +17933,7 @@ static int spsi_cells_fly(const spsi_frame *frame) {
 static size_t spsi_emitting_cells(const spsi_frame *frame) {
     const size_t side = (size_t)frame->view.scattering_resolution;
     int some = frame->matter.emits;
-    for (int i = 0; i < frame->lights.count; ++i) some |= frame->lights.list[i].is_point;
+    SPSI_ROLLED for (int i = 0; i < frame->lights.count; ++i) some |= frame->lights.list[i].is_point;
     return some && spsi_cells_fly(frame) ? side * side * side / 8 : 0;
 }
 
@@ -18034,7 +18045,7 @@ static int spsi_emitter_blocks(const sps_context *context, const spsi_frame *fra
     for (;; edge *= 2) {
         const int most = (SPSI_BRICK / edge) * (SPSI_BRICK / edge) * (SPSI_BRICK / edge);
         *count = 0;
-        for (int i = 0; i < context->brick_count; ++i) {
+        SPSI_ROLLED for (int i = 0; i < context->brick_count; ++i) {
             const spsi_medium *medium = &frame->media[frame->lattices[bricks[i].lattice].medium];
             if (frame->matter.materials[medium->channel].emits) *count += (size_t)spsi_imin(most, bricks[i].count);
         }
@@ -18209,7 +18220,7 @@ static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_
         for (int k = 0; k < 3; ++k) all *= (size_t)(blocks.size[k] = (blocks.size[k] + wide - 1) / wide);
         blocks.pitch = blocks.size[0];
         memset(sums, 0, all * sizeof *sums);
-        for (int n = 0; n < count; ++n) {
+        SPSI_ROLLED for (int n = 0; n < count; ++n) {
             const double amount = spsi_emitter_particle(&list[n], set, point, &own, like);
             if (!spsi_cell_containing(&blocks, point, &at) && flights->grid_count > 1) continue;
             sum = &sums[at];
@@ -18267,7 +18278,7 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
     sum->own = list[0].own;
     sum->solid = list[0].solid;
     sum->clear = sum->gas = sum->cut = 0;
-    for (int i = 0; i < count; ++i) {
+    SPSI_ROLLED for (int i = 0; i < count; ++i) {
         const double weight = (double)list[i].sent[0] + (double)list[i].sent[1] + (double)list[i].sent[2];
         all += weight;
         for (int k = 0; k < 3; ++k) at[k] += weight * (double)list[i].at[k];
@@ -18278,7 +18289,7 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
     }
     for (int k = 0; k < 3; ++k) at[k] /= all;
     for (int k = 0; k < 3; ++k) sum->axis[k] = (float)(axis[k] / all);
-    for (int i = 0; i < count; ++i) {
+    SPSI_ROLLED for (int i = 0; i < count; ++i) {
         const double weight = (double)list[i].sent[0] + (double)list[i].sent[1] + (double)list[i].sent[2];
         double apart = 0.6 * (double)list[i].radius * (double)list[i].radius;
         for (int k = 0; k < 3; ++k) apart += ((double)list[i].at[k] - at[k]) * ((double)list[i].at[k] - at[k]);
@@ -18379,8 +18390,8 @@ static void spsi_cell_mips_fill(const spsi_cell_grid *grid, float *to) {
         const int half[3] = {(size[0] + 1) / 2, (size[1] + 1) / 2, (size[2] + 1) / 2};
         const float *fine = to;
         to += pitch * (size_t)(size[1] * size[2]);
-        for (int i = 0; i < half[1] * half[2]; ++i)
-            for (int x = 0; x < half[0]; ++x) {
+        SPSI_ROLLED for (int i = 0; i < half[1] * half[2]; ++i)
+            SPSI_ROLLED for (int x = 0; x < half[0]; ++x) {
                 float sum = 0;
                 for (int k = 0; k < 8; ++k) {
                     const int fx = 2 * x + (k & 1), fy = 2 * (i % half[1]) + (k >> 1 & 1),
@@ -18504,7 +18515,7 @@ static void spsi_flight_segments_pass(const spsi_flights *flights, const spsi_fl
         ways.clear = spsi_mul(spsi_load(world->clear), per_edge);
         ways.own = spsi_load(world->own);
         spsi_v depth = spsi_segments_depth(grid, &ways);
-        for (int c = 0; c < grid->channels; ++c)
+        SPSI_ROLLED for (int c = 0; c < grid->channels; ++c)
             through[c] = spsi_mul(through[c], spsi_exp(spsi_mul(depth, spsi_set(-grid->scale[c]))));
     }
 }
@@ -18537,7 +18548,7 @@ static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *
         spsi_v passes[3];
         float out[SPSI_LANES], unit[3];
         memset(&ways, 0, sizeof ways);
-        for (int i = 0; i < lanes; ++i) {
+        SPSI_ROLLED for (int i = 0; i < lanes; ++i) {
             spsi_flight_direction(first + i, unit);
             ways.end[i] = node->reach;
             for (int k = 0; k < 3; ++k) {
@@ -18554,7 +18565,7 @@ static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *
         spsi_flight_segments_pass(flights, &ways, passes);
         for (int c = 0; c < 3; ++c) {
             spsi_store(out, passes[c]);
-            for (int i = 0; i < lanes; ++i)
+            SPSI_ROLLED for (int i = 0; i < lanes; ++i)
                 leaves[c][first + i] += child->sent[c] * out[i] * (own ? own->leaves[c][first + i] : 1);
         }
     }
@@ -18565,7 +18576,7 @@ static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *
 static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_node *const *own, int count, double edge,
                                 const spsi_emitter *sum) {
     double reach[SPSI_TREE_LEAF], weight[SPSI_TREE_LEAF], most = DBL_MIN, mean = 0, each = 0, all = 0;
-    for (int i = 0; i < count; ++i) {
+    SPSI_ROLLED for (int i = 0; i < count; ++i) {
         double apart[3];
         weight[i] = (double)below[i].sent[0] + (double)below[i].sent[1] + (double)below[i].sent[2];
         for (int k = 0; k < 3; ++k) apart[k] = (double)below[i].at[k] - (double)sum->at[k];
@@ -18576,7 +18587,7 @@ static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_nod
         most = spsi_dmax(most, reach[i]);
     }
     if (most < edge) return (float)(each / all);
-    for (int i = 0; i < count; ++i) mean += weight[i] * pow(reach[i] / most, 16);
+    SPSI_ROLLED for (int i = 0; i < count; ++i) mean += weight[i] * pow(reach[i] / most, 16);
     return (float)spsi_dmax(most * pow(mean / all, 1.0 / 16), edge);
 }
 
@@ -18592,7 +18603,7 @@ static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights,
     memset(sum, 0, sizeof *sum), memset(below, 0, sizeof below);
     sum->first = node->first;
     sum->count = count;
-    for (int i = 0; i < count; ++i) below[i] = flights->emitters[tree->order[node->first + i]];
+    SPSI_ROLLED for (int i = 0; i < count; ++i) below[i] = flights->emitters[tree->order[node->first + i]];
     for (; count < 2 && node->count == 0; ++count) {
         spsi_flights_sum(tree, flights, node->first + count);
         own[count] = &flights->nodes[node->first + count];
@@ -18664,7 +18675,7 @@ static int spsi_flights_open(const spsi_flight_choice *choice, double scale, sps
             continue;
         }
         if (list->count + SPSI_TREE_LEAF > choice->first + choice->most) return 0;
-        for (int n = 0; n < (node->count > 0 ? node->count : 2); ++n) {
+        SPSI_ROLLED for (int n = 0; n < (node->count > 0 ? node->count : 2); ++n) {
             spsi_flight *to = n > 0 ? &list->entry[list->count++] : &list->entry[i];
             to->node = node->count > 0 ? NULL : &flights->nodes[node->first + n];
             to->emitter = to->node ? &to->node->sum : &flights->emitters[flights->order[node->first + n]];
@@ -18832,7 +18843,7 @@ static void spsi_flight_cells_build(const spsi_flight_job *job, const int first[
     float lanes[4][SPSI_LANES] = {{0}};
     memset(cells, 0, sizeof *cells);
     memcpy(cells->at, first, sizeof cells->at);
-    for (int i = 0; i < SPSI_LANES; ++i) {
+    SPSI_ROLLED for (int i = 0; i < SPSI_LANES; ++i) {
         const int at[3] = {first[0] + i % SPSI_FLIGHT_ALONG, first[1] + i / SPSI_FLIGHT_ALONG, first[2]};
         for (int k = 0; k < 3; ++k) lanes[k][i] = (float)at[k] + 0.5f;
         if (at[0] >= grid->size[0] || at[1] >= grid->size[1]) continue;
@@ -18915,7 +18926,7 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
                                        spsi_set((float)(1 - spsi_length(axis)))));
     }
     if (blocked) spsi_flight_cells_unblocked(job, cells, node, passes);
-    for (int c = 0; c < grid->channels; ++c) {
+    SPSI_ROLLED for (int c = 0; c < grid->channels; ++c) {
         const spsi_v scale = spsi_set(grid->scale[c]), before = spsi_mul(scale, depth);
         spsi_v light = spsi_mul(spsi_mul(even, spsi_set(node->sent[c])),
                                 spsi_mean_transmittance(before, spsi_fma(scale, cells->depth, before)));
@@ -18925,7 +18936,7 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
         cells->sum[c][0] = spsi_add(cells->sum[c][0], light);
         cells->own[c] = spsi_fma(light, gas, cells->own[c]);
         cells->trapped[c] = spsi_fma(spsi_set(fraction * node->trapped[c]), gas, cells->trapped[c]);
-        for (int t = 1; t < grid->terms; ++t) {
+        SPSI_ROLLED for (int t = 1; t < grid->terms; ++t) {
             if (t == 1 || t == 4 || t == 9) light = spsi_mul(light, bent); /* next degree */
             cells->sum[c][t] = spsi_fma(light, harmonic[t], cells->sum[c][t]);
         }
@@ -18936,7 +18947,7 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
 static void spsi_flight_cells_trap(const spsi_flight_job *job, const spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
     const spsi_v per_gas = spsi_div(spsi_set(1), spsi_max(cells->gas, spsi_set(FLT_MIN)));
-    for (int n = 0; n < grid->channels * SPSI_LANES; ++n) {
+    SPSI_ROLLED for (int n = 0; n < grid->channels * SPSI_LANES; ++n) {
         const int c = n / SPSI_LANES, i = n % SPSI_LANES;
         const float own = spsi_lane(spsi_mul(cells->own[c], per_gas), i);
         const float trapped = spsi_lane(spsi_mul(cells->trapped[c], per_gas), i);
@@ -18944,7 +18955,7 @@ static void spsi_flight_cells_trap(const spsi_flight_job *job, const spsi_flight
         if (!(cells->lanes >> i & 1)) continue;
         grid->trapped[(size_t)c * grid->count + at] = trapped;
         grid->trapped[(size_t)(grid->channels + c) * grid->count + at] = own;
-        for (int m = 0; m < job->frame->matter.material_count; ++m)
+        SPSI_ROLLED for (int m = 0; m < job->frame->matter.material_count; ++m)
             if (job->frame->content->flies[m] > 0)
                 job->emitted[(size_t)c * grid->count + at] -=
                     own * grid->lobes[m][0] * job->scattered[(size_t)(m * grid->channels + c) * grid->count + at];
@@ -19293,7 +19304,7 @@ static int spsi_slab_seen(const spsi_shader *shader, const spsi_slab *slab, int 
     const spsi_v way = spsi_sub(slab->leave, slab->enter), zero = spsi_set(0);
     const float share = 1 / (float)slab->part_count;
     spsi_v before = zero, weight = zero, sum = zero;
-    for (int i = 0; i < slab->part_count; ++i) { /* front to back */
+    SPSI_ROLLED for (int i = 0; i < slab->part_count; ++i) { /* front to back */
         const int part = backwards ? slab->part_count - 1 - i : i;
         const spsi_v own = slab->samples[part * slab->material_count + channel].depth, after = spsi_add(before, own);
         const spsi_v seen = spsi_mul(own, spsi_mean_transmittance(before, after));
@@ -19705,7 +19716,7 @@ typedef struct spsi_carried {
 static void spsi_sample_forward(const spsi_shader *shader, const spsi_material *material, const spsi_sample *sample,
                                 const spsi_forward_part *part, spsi_v sent[3]) {
     const int alike = !material->table && material->forward->level_count == 1;
-    for (int c = 0; c < shader->frame->channels; ++c) {
+    SPSI_ROLLED for (int c = 0; c < shader->frame->channels; ++c) {
         const spsi_v gas = spsi_sub(spsi_set(1), sample->surface), albedo = sample->color[c];
         sent[c] = c > 0 && alike ? sent[0] : spsi_mul(albedo, spsi_forward_channel(material, c, albedo, part));
         if (sample->has_normal) sent[c] = spsi_mul(sent[c], gas);
@@ -19886,7 +19897,7 @@ static spsi_v spsi_subslab_hidden(const spsi_shader *shader, const spsi_shadow *
     const int count = shader->frame->matter.classifies ? 1 : SPSI_SUBSLABS;
     const spsi_v layers = spsi_set(SPSI_SUBSLABS), scale = spsi_div(layers, p->scale);
     spsi_v sum = spsi_set(0), place[3];
-    for (int i = 0; i < count; ++i) {
+    SPSI_ROLLED for (int i = 0; i < count; ++i) {
         const spsi_v d = spsi_fma(part->half, spsi_set((float)(2 * i + 1) / (float)count - 1), part->middle);
         spsi_row_linears_at(&arrival->linears, d, place);
         sum = spsi_add(sum, spsi_sliced_hidden(shadow->sliced, place,
@@ -20212,7 +20223,7 @@ static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_light *li
     const int index = light ? light->index : -1;
     const int lobes = light && content->cells && content->cells->light_count > 0;
     float scales[SPSI_LANES];
-    for (int lane = 0; lane < SPSI_LANES; ++lane) {
+    SPSI_ROLLED for (int lane = 0; lane < SPSI_LANES; ++lane) {
         double point[3];
         if (lobes) spsi_points_get(to, lane, point);
         scales[lane] =
@@ -20254,7 +20265,7 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     const double distance = spsi_cells_distance(grid, surface->point);
     double own[3];
     spsi_cells_irradiance(grid, 0, grid->channels, &to, own);
-    for (int c = 0; c < grid->channels; ++c) irradiance[c] += own[c];
+    SPSI_ROLLED for (int c = 0; c < grid->channels; ++c) irradiance[c] += own[c];
     return sqrt(16 * grid->edge * grid->edge + distance * distance);
 }
 
@@ -20694,7 +20705,7 @@ static void spsi_pending_begin(const spsi_shader *shader, const spsi_pixels *p, 
     const size_t pixel = (size_t)p->y * (size_t)shader->eye->width + (size_t)p->x;
     const int count = spsi_pixels_layered(shader, p->x, p->y, width) ? width : 0;
     ahead->list = layers->list;
-    for (int lane = 0; lane < SPSI_LANES; ++lane) {
+    SPSI_ROLLED for (int lane = 0; lane < SPSI_LANES; ++lane) {
         ahead->first[lane] = lane < count ? layers->first[pixel + (size_t)lane] : 0;
         ahead->count[lane] = lane < count ? layers->first[pixel + (size_t)lane + 1] - ahead->first[lane] : 0;
         ahead->front[lane] = shader->sweep->back_to_front ? ahead->count[lane] : 0;
@@ -20806,7 +20817,7 @@ static int spsi_group_sum(const spsi_tile *tile, size_t at, spsi_v length, spsi_
     spsi_v any = zero;
     for (int m = 0; m < slab->material_count; ++m) {
         spsi_v sum = spsi_mul(spsi_sheet_sum(tile, m, at), length);
-        for (int i = 1; i < slab->group; ++i)
+        SPSI_ROLLED for (int i = 1; i < slab->group; ++i)
             sum = spsi_add(sum, spsi_mul(spsi_sheet_sum(tile, m, at + (size_t)i * tile->sheet_size), length));
         slab->samples[m].value_length = sum;
         any = spsi_max(any, sum);
@@ -20819,9 +20830,9 @@ static void spsi_group_fractions(const spsi_shader *shader, const spsi_tile *til
     const spsi_v zero = spsi_set(0);
     spsi_v whole = zero;
     slab->filled = spsi_scatters_forward(shader->frame) ? ~0 : 0; /* uses light at all planes */
-    for (int i = 0; i < slab->group; ++i, at += tile->sheet_size) {
+    SPSI_ROLLED for (int i = 0; i < slab->group; ++i, at += tile->sheet_size) {
         slab->share[i] = zero;
-        for (int m = 0; m < slab->material_count; ++m) {
+        SPSI_ROLLED for (int m = 0; m < slab->material_count; ++m) {
             const float extinction = shader->frame->matter.materials[m].extinction;
             const spsi_v sum = spsi_mul(spsi_sheet_sum(tile, m, at), length);
             const spsi_v depth = spsi_min(spsi_mul(sum, spsi_set(extinction)), spsi_set(SPSI_DEPTH_MAX));
@@ -20831,7 +20842,7 @@ static void spsi_group_fractions(const spsi_shader *shader, const spsi_tile *til
         if (spsi_bits(spsi_less(zero, slab->share[i]))) slab->filled |= 3 << (i & ~1);
     }
     whole = spsi_div(spsi_set(1), spsi_max(whole, spsi_set(FLT_MIN)));
-    for (int i = 0; i < slab->group; ++i) slab->share[i] = spsi_mul(slab->share[i], whole);
+    SPSI_ROLLED for (int i = 0; i < slab->group; ++i) slab->share[i] = spsi_mul(slab->share[i], whole);
 }
 
 /* Reads slab or group k. Returns 0 if empty. */
@@ -20863,7 +20874,7 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
             spsi_samples_classified(shader, tile, p, m, slab);
         else
             spsi_samples_gas(&shader->frame->matter.materials[m], slab->samples[m].value_length, m, slab);
-    for (int i = 0; i < slab->part_count; ++i) slab->depth = spsi_add(slab->depth, slab->part_depth[i]);
+    SPSI_ROLLED for (int i = 0; i < slab->part_count; ++i) slab->depth = spsi_add(slab->depth, slab->part_depth[i]);
     if (!shader->frame->matter.emits && !spsi_bits(spsi_less(zero, slab->depth)))
         return 0; /* values without extinction */
     for (int i = 0; i < shader->shadow_count && shader->frame->matter.scatters; ++i)
@@ -21396,7 +21407,7 @@ SPSI_COLD sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_call_stage *
 static float spsi_cell_straight(const spsi_cell_job *job, int channel, size_t at) {
     const spsi_cell_grid *grid = job->grid;
     float straight = 0;
-    for (int m = 0; m < job->frame->matter.material_count; ++m)
+    SPSI_ROLLED for (int m = 0; m < job->frame->matter.material_count; ++m)
         straight += grid->peak[m] * job->scattered[(size_t)(m * grid->channels + channel) * grid->count + at];
     return straight;
 }
@@ -21560,7 +21571,7 @@ static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *s
     spsi_lit_fractions(&job->shader, &shadow->depth_map, &spot->pixels, &spot->slab, lit);
     if (shadow->translucency_map_count > 0)
         spsi_subslab_filter(&job->shader, shadow, &spot->pixels, &spot->part, filter);
-    for (int c = 0; c < job->grid->channels; ++c) {
+    SPSI_ROLLED for (int c = 0; c < job->grid->channels; ++c) {
         const spsi_v share = spsi_mul(lit[0], filter[c]);
         passes[c] = spsi_select(dark, spsi_set(0), spsi_mul(share, spsi_cell_spot_straight(spot, found, c)));
     }
@@ -21614,7 +21625,7 @@ static void spsi_cells_add_light(const spsi_cell_job *job, const spsi_shadow *sh
 static spsi_v spsi_cells_scale(const spsi_cell_job *job, size_t row, int channel, int x) {
     const spsi_cell_grid *grid = job->grid;
     float scale[SPSI_LANES];
-    for (int i = 0; i < SPSI_LANES; ++i) {
+    SPSI_ROLLED for (int i = 0; i < SPSI_LANES; ++i) {
         const size_t at = row + (size_t)(spsi_imin(x + i, job->sheets.rays.width - 1) / 2);
         scale[i] = grid->depth[at] > 0 ? spsi_fmax(1 - spsi_cell_straight(job, channel, at) / grid->depth[at], 0) : 1;
     }
@@ -21765,16 +21776,17 @@ static void spsi_cell_wall_fly(const spsi_cell_job *job, spsi_cell_wall *wall) {
     if (!spsi_cell_wall_mean(grid, wall, point, normal)) return;
     spsi_along(point, normal, 0.02 * grid->edge, start);
     spsi_flights_irradiance(&place, job->flights, irradiance);
-    for (int c = 0; c < grid->channels; ++c) wall->lit[c] += (float)((double)wall->color[c] * irradiance[c] / SPSI_PI);
+    SPSI_ROLLED for (int c = 0; c < grid->channels; ++c)
+        wall->lit[c] += (float)((double)wall->color[c] * irradiance[c] / SPSI_PI);
 }
 
 static void spsi_cell_wall_set(const spsi_cell_job *job, const spsi_cell_hits *hits, spsi_cell_wall *wall) {
     double all = 0;
-    for (int i = 0; i < hits->count; ++i) all += hits->weight[i];
-    for (int i = 0; i < hits->count; ++i) {
+    SPSI_ROLLED for (int i = 0; i < hits->count; ++i) all += hits->weight[i];
+    SPSI_ROLLED for (int i = 0; i < hits->count; ++i) {
         const double share = hits->weight[i] / all;
         float sent = 0;
-        for (int c = 0; c < job->grid->channels; ++c) {
+        SPSI_ROLLED for (int c = 0; c < job->grid->channels; ++c) {
             wall->color[c] += (float)(share * hits->color[i][c]);
             wall->lit[c] += (float)(share * hits->color[i][c] * hits->lit[i][c] / SPSI_PI);
             sent += (float)(hits->color[i][c] * hits->lit[i][c]);
@@ -21894,7 +21906,7 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_light *li
             const int channel = spsi_imin(c, grid->channels - 1);
             const double scale = (double)grid->scale[channel], x = scale * own;
             double scattered = 0;
-            for (int m = 0; m < job->frame->matter.material_count; ++m) {
+            SPSI_ROLLED for (int m = 0; m < job->frame->matter.material_count; ++m) {
                 const float *each = job->scattered + (size_t)(m * grid->channels + channel) * grid->count;
                 scattered += (double)(each[at] * grid->lobes[m][0]);
                 ahead += (double)(each[at] * (grid->orders > 1 ? grid->lobes[m][1] : 0));
@@ -21918,7 +21930,7 @@ static void spsi_hits_reflect(const spsi_cell_job *job, const spsi_cell_hits *hi
     spsi_emitter each[SPSI_CELL_HITS], sum;
     double point[3];
     int count = 0;
-    for (int i = first; i < end; ++i) {
+    SPSI_ROLLED for (int i = first; i < end; ++i) {
         spsi_emitter *own = &each[count];
         memset(own, 0, sizeof *own);
         own->radius = (float)(0.51 * sqrt(hits->weight[i]));
@@ -21994,12 +22006,12 @@ static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t m
                 ray.direction[axis] = back * grid->edge;
                 if (spsi_ray_to_opaque(job->faces, &ray, &hit)) spsi_cell_hits_add(&view, &ray, &hit, &hits);
             }
-            for (int i = 0; i < hits.count; ++i)
+            SPSI_ROLLED for (int i = 0; i < hits.count; ++i)
                 hits.weight[i] = flies * grid->edge * grid->edge / hits.count * fabs(hits.surface[i].normal[axis]);
             spsi_cell_hits_light_all(job, &hits);
             spsi_hits_reflect(job, &hits, 0, hits.count, items);
         }
-        for (int c = 0; c < grid->channels; ++c) wall->lit[c] *= (float)(1 - flies);
+        SPSI_ROLLED for (int c = 0; c < grid->channels; ++c) wall->lit[c] *= (float)(1 - flies);
     }
 }
 
@@ -22016,8 +22028,8 @@ static double spsi_patches_find(const spsi_cell_job *job) {
     size_t count = 0, end = 0;
     const size_t cells = (size_t)(pitch * size[1] * size[2]);
     float most = 0;
-    for (size_t at = 0; at < cells; ++at) most = spsi_fmax(most, walls[at].patch);
-    for (size_t n = 5 * cells, start = 0; n > 0; --n, start = start > 0 ? start - 1 : cells - 1) {
+    SPSI_ROLLED for (size_t at = 0; at < cells; ++at) most = spsi_fmax(most, walls[at].patch);
+    SPSI_ROLLED for (size_t n = 5 * cells, start = 0; n > 0; --n, start = start > 0 ? start - 1 : cells - 1) {
         double sum = 0;
         if (start == 0) most *= 0.01f; /* brightest first: rims may be slightly lit */
         if (walls[start].patch > most) walls[walls[end++].queued = (int)start].patch *= -1;
@@ -22025,7 +22037,7 @@ static double spsi_patches_find(const spsi_cell_job *job) {
             const int own = walls[i].queued;
             const float bright = own < 0 ? 0 : walls[own].patch;
             sum -= (double)bright;
-            for (int link = 0; link < 27 && own >= 0; ++link) {
+            SPSI_ROLLED for (int link = 0; link < 27 && own >= 0; ++link) {
                 const int x = own % pitch + 1 - link % 3, y = own / pitch % size[1] + 1 - link / 3 % 3;
                 const int z = own / pitch / size[1] + 1 - link / 9, at = (z * size[1] + y) * pitch + x;
                 if (x < 0 || y < 0 || z < 0 || x >= size[0] || y >= size[1] || z >= size[2]) continue;
@@ -22035,7 +22047,7 @@ static double spsi_patches_find(const spsi_cell_job *job) {
                 *patch = -100 * *patch < bright ? -*patch : bright;
             }
         }
-        for (; count < end; ++count) {
+        SPSI_ROLLED for (; count < end; ++count) {
             const int own = walls[count].queued;
             float *patch = &walls[own < 0 ? -1 - own : own].patch;
             *patch = -(float)spsi_dmax(1e-9, spsi_dmin(2 + 6 * sum / (side * (double)*patch), 1));
@@ -22182,18 +22194,18 @@ static void spsi_cells_equations_task(void *data, int row) {
             level->closed[at - (size_t)x] |= SPSI_CELL_ROW_CLOSED;
         }
         if (!(whole > 0 || emitted > 0)) continue; /* empty */
-        for (int m = 0; m < job->frame->matter.material_count; ++m) {
+        SPSI_ROLLED for (int m = 0; m < job->frame->matter.material_count; ++m) {
             const float scattered = job->scattered[(size_t)(m * grid->channels + c) * grid->count + at];
             depth -= scattered * grid->peak[m];
-            for (int l = 0; l < grid->orders; ++l) degree[l] += scattered * grid->lobes[m][l];
+            SPSI_ROLLED for (int l = 0; l < grid->orders; ++l) degree[l] += scattered * grid->lobes[m][l];
         }
         depth = spsi_fmax(depth, emitted > 0 ? SPSI_CELL_EMITTING : 0);
         level->depth[at] = depth;
-        for (int l = 0; l < grid->orders; ++l) {
+        SPSI_ROLLED for (int l = 0; l < grid->orders; ++l) {
             keep[l] = depth > 0 ? spsi_fmin(degree[l] / depth, 1) : 0;
             level->keep[l][at] = keep[l];
         }
-        for (int t = 0; t < grid->terms; ++t) {
+        SPSI_ROLLED for (int t = 0; t < grid->terms; ++t) {
             const float light = job->incoming[(size_t)(c * grid->terms + t) * grid->count + at];
             const float flown = grid->flown ? grid->flown[(size_t)(c * grid->terms + t) * grid->count + at] : 0;
             level->given[(size_t)t * grid->count + at] =
@@ -22397,14 +22409,14 @@ static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v fro
         row = spsi_fma(at[2], spsi_set((float)level->size[1]), at[1]);
         depth = spsi_mul(spsi_lookup(level->depth, level->pitch, at[0], row), step);
         sent = spsi_lookup(level->sent, level->pitch, at[0], row);
-        for (int t = 1; t < solver->terms; ++t)
+        SPSI_ROLLED for (int t = 1; t < solver->terms; ++t)
             sent = spsi_fma(harmonic[t], spsi_lookup(level->sent + (size_t)t * level->count, level->pitch, at[0], row),
                             sent);
         passes = spsi_exp(spsi_sub(zero, depth));
         taken = spsi_select(spsi_less(depth, spsi_set(1e-3f)), depth, spsi_sub(one, passes));
         taken = spsi_select(on, spsi_mul(through, taken), zero);
         found[0] = spsi_fma(taken, sent, found[0]);
-        for (int n = 0; n < solver->set_count; ++n)
+        SPSI_ROLLED for (int n = 0; n < solver->set_count; ++n)
             found[1 + n] = spsi_fma(
                 taken, spsi_lookup(solver->single + (size_t)n * level->count, level->pitch, at[0], row), found[1 + n]);
         through = spsi_mul(through, passes);
@@ -22481,16 +22493,16 @@ static void spsi_cell_patches_task(void *data, int patch) {
         length = spsi_cell_path_transmittance(extent, from, way);
         spsi_store(taken + n, spsi_cell_shape(spsi_mul(length, spsi_set(grid->thick[job->channel]))));
         spsi_cells_radiance(job->solver, from, way, length, found);
-        for (int i = 0; i <= job->solver->set_count; ++i) spsi_store(seen[i] + n, found[i]);
+        SPSI_ROLLED for (int i = 0; i <= job->solver->set_count; ++i) spsi_store(seen[i] + n, found[i]);
     }
     for (int i = 0; i <= job->solver->set_count; ++i, sent += set) {
         float terms[SPSI_CELL_TERMS] = {0}, flux = 0, made = 0;
-        for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
+        SPSI_ROLLED for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
             const float ratio = seen[i][n] / spsi_fmax(taken[n], FLT_MIN);
             flux += rays->weight[n] * seen[i][n];
             for (int t = 0; t < SPSI_CELL_TERMS; ++t) terms[t] += ratio * rays->fit[n][t];
         }
-        for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
+        SPSI_ROLLED for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
             float ratio = 0;
             for (int t = 0; t < SPSI_CELL_TERMS; ++t) ratio += terms[t] * rays->harmonic[n][t];
             if ((ratio > 0) == (flux > 0)) made += rays->weight[n] * taken[n] * ratio;
@@ -22688,16 +22700,18 @@ static uint64_t spsi_scattered_fingerprint(const sps_context *context, const sps
     hash = spsi_fingerprint(hash, sizes, sizeof sizes);
     hash = spsi_fingerprint_word(hash, frame->meshes.count > 0 ? context->faces_held : 0);
     hash = spsi_fingerprint(hash, frame->given.ambient, sizeof frame->given.ambient);
-    for (int i = 0; i < frame->medium_count; ++i) hash = spsi_fingerprint(hash, &frame->media[i].channel, sizeof(int));
-    for (int i = 0; i < frame->particles.set_count; ++i)
+    SPSI_ROLLED for (int i = 0; i < frame->medium_count; ++i)
+        hash = spsi_fingerprint(hash, &frame->media[i].channel, sizeof(int));
+    SPSI_ROLLED for (int i = 0; i < frame->particles.set_count; ++i)
         hash = spsi_fingerprint(hash, &frame->particles.sets[i].channel, sizeof(int));
-    for (int m = 0; m < frame->matter.material_count; ++m) {
+    SPSI_ROLLED for (int m = 0; m < frame->matter.material_count; ++m) {
         const spsi_material *material = &frame->matter.materials[m];
         hash = spsi_fingerprint(hash, material->albedo, sizeof material->albedo);
         hash = spsi_fingerprint(hash, material->emission, sizeof material->emission);
         hash = spsi_fingerprint(hash, material->lobes, (size_t)material->lobe_count * sizeof(sps_lobe));
     }
-    for (int i = 0; i < frame->lights.count; ++i) hash = spsi_light_fingerprint(hash, &frame->lights.list[i]);
+    SPSI_ROLLED for (int i = 0; i < frame->lights.count; ++i)
+        hash = spsi_light_fingerprint(hash, &frame->lights.list[i]);
     return hash;
 }
 
@@ -22730,9 +22744,10 @@ static void spsi_emission_add(const spsi_cell_job *job, spsi_emission_sums *glow
     const spsi_cell_grid *grid = job->grid;
     const double cells = (double)grid->size[0] * grid->size[1] * grid->size[2];
     double sum = 0, squares = 0, depth = 0;
-    for (size_t at = 0; at < grid->count; ++at) {
+    SPSI_ROLLED for (size_t at = 0; at < grid->count; ++at) {
         double own = 0;
-        for (size_t c = 0; c < (size_t)grid->channels; ++c) own += (double)job->emitted[c * grid->count + at];
+        SPSI_ROLLED for (size_t c = 0; c < (size_t)grid->channels; ++c)
+            own += (double)job->emitted[c * grid->count + at];
         sum += own;
         squares += own * own;
         depth += own * (double)grid->depth[at];
@@ -23454,7 +23469,8 @@ static void spsi_eye_task(void *data, int index, int worker) {
     const int polygons = range[0] < run->high && range[1] >= run->low;
     const spsi_lights *lights = &run->shader.frame->lights;
     int points = 1; /* plus points of all lights */
-    for (int i = 0; i < lights->count; ++i) points += lights->list[i].extent.exists ? lights->list[i].point_count : 1;
+    SPSI_ROLLED for (int i = 0; i < lights->count; ++i)
+        points += lights->list[i].extent.exists ? lights->list[i].point_count : 1;
     const int tick_rows = spsi_imax(8 * SPSI_TILE_HEIGHT / points, 1); /* a few milliseconds' work */
     uint64_t shaded = 0;
     int touched = 0;
@@ -23501,7 +23517,7 @@ static void spsi_polygon_range_task(void *data, int index) {
             spsi_pixels_build(&run->shader, x, y, &p);
             spsi_store(lanes, p.polygon_slab);
             spsi_store(depths, p.polygon);
-            for (int i = 0; i < width; ++i)
+            SPSI_ROLLED for (int i = 0; i < width; ++i)
                 if (depths[i] < SPSI_INFINITY) {
                     low = lanes[i] < low ? lanes[i] : low;
                     high = lanes[i] > high ? lanes[i] : high;
@@ -24265,8 +24281,8 @@ static void spsi_write_image(const spsi_frame *frame, const float *total, const 
     const size_t width = (size_t)frame->view.region[2], height = (size_t)frame->view.region[3];
     const size_t pitch = image->row_pixels ? image->row_pixels : width;
     const int floats = (int)spsi_total_floats(frame);
-    for (size_t y = 0; y < height; ++y)
-        for (size_t x = 0; x < width; ++x) {
+    SPSI_ROLLED for (size_t y = 0; y < height; ++y)
+        SPSI_ROLLED for (size_t x = 0; x < width; ++x) {
             const float *pixel = total + (y * width + x) * (size_t)floats;
             memcpy(image->rgba + 4 * (y * pitch + x), pixel, 4 * sizeof(float));
             if (frame->wants_depth) image->depth[y * pitch + x] = pixel[4];
@@ -25064,7 +25080,7 @@ SPSI_COLD spsi_enclosure spsi_enclosure_transmittance(spsi_enclosure depth) {
 static void spsi_gauss_taps(double d, int count, double *weights, double *slopes) {
     const double step = 1 / SPSI_SIGMA, bend = exp(-step * step);
     double weight = exp(-0.5 * d * d) / (sqrt(2 * SPSI_PI) * SPSI_SIGMA), change = exp(step * (d - 0.5 * step));
-    for (int i = 0; i < count; ++i) {
+    SPSI_ROLLED for (int i = 0; i < count; ++i) {
         weights[i] = weight;
         if (slopes) slopes[i] = -weight * (d - i * step) * step;
         weight *= change;
@@ -25114,22 +25130,22 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double r
     const int whole = v.count[0] + v.count[1] + v.count[2] == 3 * SPSI_REFERENCE_TAPS; /* 0: 0 beyond the edge */
     for (int x = 0; x < SPSI_REFERENCE_TAPS; ++x) low[x] = whole ? FLT_MAX : 0;
     for (int z = 0; z < v.count[2]; ++z)
-        for (int y = 0; y < v.count[1]; ++y) {
+        SPSI_ROLLED for (int y = 0; y < v.count[1]; ++y) {
             const size_t line = (size_t)(v.first[2] + z) * (size_t)grid->size[1] + (size_t)(v.first[1] + y);
             const float *values = grid->values + line * (size_t)grid->size[0] + v.first[0];
             const double weight = v.weights[2][z] * v.weights[1][y];
-            for (int x = 0; x < v.count[0]; ++x) row[x] += weight * (double)values[x];
-            for (int x = 0; x < v.count[0] && gradient; ++x) {
+            SPSI_ROLLED for (int x = 0; x < v.count[0]; ++x) row[x] += weight * (double)values[x];
+            SPSI_ROLLED for (int x = 0; x < v.count[0] && gradient; ++x) {
                 by_y[x] += v.weights[2][z] * v.slopes[1][y] * (double)values[x];
                 by_z[x] += v.slopes[2][z] * v.weights[1][y] * (double)values[x];
             }
-            for (int x = 0; x < v.count[0] && range; ++x) {
+            SPSI_ROLLED for (int x = 0; x < v.count[0] && range; ++x) {
                 low[x] = spsi_fmin(values[x], low[x]);
                 high[x] = spsi_fmax(values[x], high[x]);
             }
         }
     if (range) range[0] = low[0];
-    for (int x = 0; x < v.count[0]; ++x) {
+    SPSI_ROLLED for (int x = 0; x < v.count[0]; ++x) {
         sum += v.weights[0][x] * row[x];
         if (range) range[0] = spsi_fmin(low[x], range[0]), range[1] = spsi_fmax(high[x], range[1]);
         if (!gradient) continue;
@@ -25688,7 +25704,7 @@ static void spsi_march_finish(const spsi_marcher *marcher, const sps_image *imag
     const size_t width = (size_t)marcher->frame->view.region[2], height = (size_t)marcher->frame->view.region[3];
     const size_t pitch = image->row_pixels ? image->row_pixels : width;
     const double samples = marcher->side * marcher->side, paths = spsi_imax(1, settings->samples);
-    for (size_t i = 0; i < width * height; ++i) {
+    SPSI_ROLLED for (size_t i = 0; i < width * height; ++i) {
         const spsi_walker *walker = &marcher->walkers[i];
         const size_t at = 3 * (i / width * pitch + i % width);
         float *pixel = marcher->total + i * spsi_total_floats(marcher->frame);
@@ -27250,10 +27266,10 @@ static void spsi_voxel_row(const sps_grid *grid, const char *from, ptrdiff_t ste
     const float scale = fabsf(grid->scale) > 0 ? grid->scale : 1, offset = grid->offset;
     const unsigned char *bytes = (const unsigned char *)from;
     if (grid->format == SPS_VOXEL_U8 && step == 1) {
-        for (int i = 0; i < count; ++i) out[i] = (float)bytes[i] * scale + offset;
+        SPSI_ROLLED for (int i = 0; i < count; ++i) out[i] = (float)bytes[i] * scale + offset;
         return;
     }
-    for (int i = 0; i < count; ++i, from += step) {
+    SPSI_ROLLED for (int i = 0; i < count; ++i, from += step) {
         uint16_t word;
         if (grid->format == SPS_VOXEL_U8) out[i] = (float)*(const unsigned char *)from;
         if (grid->format == SPS_VOXEL_F32) memcpy(&out[i], from, sizeof out[i]);
@@ -27261,7 +27277,7 @@ static void spsi_voxel_row(const sps_grid *grid, const char *from, ptrdiff_t ste
         memcpy(&word, from, sizeof word);
         out[i] = grid->format == SPS_VOXEL_F16 ? spsi_half(word) : (float)word;
     }
-    for (int i = 0; i < count; ++i) out[i] = out[i] * scale + offset;
+    SPSI_ROLLED for (int i = 0; i < count; ++i) out[i] = out[i] * scale + offset;
 }
 
 /* Returns the result of sps_grid_read and sps_grid_range. */
@@ -27310,11 +27326,11 @@ SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float
     spsi_grid_strides(from, stride);
     for (int z = lo[2]; z < lo[2] + size[2]; ++z)
         for (int y = lo[1]; y < lo[1] + size[1]; ++y)
-            for (int x = 0; x < size[0]; x += SPSI_BLOCK) {
+            SPSI_ROLLED for (int x = 0; x < size[0]; x += SPSI_BLOCK) {
                 const int count = spsi_imin(SPSI_BLOCK, size[0] - x);
                 const char *at = (const char *)from->voxels + z * stride[2] + y * stride[1] + (lo[0] + x) * stride[0];
                 spsi_voxel_row(from, at, stride[0], count, row);
-                for (int i = count; i % SPSI_LANES; ++i) row[i] = row[0];
+                SPSI_ROLLED for (int i = count; i % SPSI_LANES; ++i) row[i] = row[0];
                 for (int i = 0; i < count; i += SPSI_LANES) {
                     const spsi_v value = spsi_load(row + i);
                     invalid |= spsi_invalid_bits(value);

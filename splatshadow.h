@@ -3258,7 +3258,7 @@ static void spsi_opacity_depths(const sps_tmap_settings *settings, const spsi_te
                                 float *depths) {
     const float *values = (const float *)texel->data;
     int i = count > 0 ? spsi_plane_from(settings, u[0]) : 0;
-    float u0 = 0, u1 = spsi_plane(settings, i), low = 0, per_length = 0, bends[2] = {0, 0}; /* of a cubic from a chord */
+    float u0 = 0, u1 = spsi_plane(settings, i), low = 0, per_length = 0, bends[2] = {0, 0}; /* from chord to cubic */
     for (int k = 0; k < count; ++k) {
         int moved = k == 0;
         for (; i < settings->components - 1 && u1 < u[k]; moved = 1) u1 = spsi_plane(settings, ++i);
@@ -17102,7 +17102,8 @@ static void spsi_cell_sweep_row_at(spsi_cell_beams *beams, int y, int z, float *
     if (terms == 1) spsi_cell_row_of(beams, row, moments, 1);
     if (terms == 4) spsi_cell_row_of(beams, row, moments, 4);
     if (terms == SPSI_CELL_TERMS) spsi_cell_row_of(beams, row, moments, SPSI_CELL_TERMS);
-    SPSI_ROLLED for (int i = beams->first; i < beams->end && level->walls; ++i) spsi_cell_row_end(sweep, i, row, beams->out[i]);
+    SPSI_ROLLED for (int i = beams->first; i < beams->end && level->walls; ++i)
+        spsi_cell_row_end(sweep, i, row, beams->out[i]);
 }
 
 static void spsi_cell_sweep_plane(const spsi_cell_sweep *sweep, int index, int z) {
@@ -20157,8 +20158,8 @@ static void spsi_visibility_trace(const spsi_visibility_job *job, int worker, co
         job->rays[worker] += (uint64_t)spsi_visibility_point(job, i, block);
 }
 
-/* A row of blocks. They are aligned to the image, not to the region: within round-off, a packet's rays decide which faces
-   are tested. */
+/* A row of blocks. They are aligned to the image, not to the region: within round-off, a packet's rays decide which
+   faces are tested. */
 static void spsi_visibility_row_task(void *data, int index, int worker) {
     const spsi_visibility_job *job = (const spsi_visibility_job *)data;
     const int *region = job->frame->view.region, side = SPSI_VISIBILITY_BLOCK;
@@ -26635,8 +26636,8 @@ static double spsi_tracker_next(spsi_tracker *tracker, uint64_t *random) {
     return spsi_dmin(spsi_extinction_at(tracker->material, value, NULL) / tracker->bound, 1);
 }
 
-/* Shortens the ray to a collision, and sets `part`. NULL: multiplies `passes` by transmittance instead; a faint ray ends
-   or counts twice. */
+/* Shortens the ray to a collision, and sets `part`. NULL: multiplies `passes` by transmittance instead; a faint ray
+   ends or counts twice. */
 static double spsi_path_through_volumes(const spsi_marcher *marcher, spsi_ray *ray, uint64_t *random, double passes,
                                         int *part) {
     for (int m = 0; m < marcher->frame->medium_count; ++m) {

@@ -4561,7 +4561,7 @@ SPSI_COLD sps_result spsi_rays_build(sps_context *context, sps_object object, co
         const int transposed = rays->perspective && spsi_is_transposed(camera->world_to_clip);
         if (fits && !transposed) return SPS_OK;
         return spsi_wrong_that(&at, "world_to_clip", 0,
-                               transposed ? "looks transposed: it must be row-major; if it is, set row 2 to 0 0 0 2"
+                               transposed ? "seems transposed: it must be row-major; if it is, set row 2 to 0 0 0 2"
                                           : "cannot be inverted");
     }
     if (spsi_rays_from_camera(rays, camera)) return SPS_OK;
@@ -13900,7 +13900,7 @@ SPSI_COLD sps_result spsi_fill_lists(spsi_filling *filling) {
     memcpy(filling->band.cursors, filling->band.starts, texels * sizeof(uint32_t));
     if (sum > INT32_MAX)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "intervals in 64 rows", (double)sum,
-                               "2^31 - 1 are held at most");
+                               "2^31 - 1 fit at most");
     filling->band.intervals =
         (spsi_interval *)spsi_reserve(context, SPSI_BUFFER_BAND, (size_t)sum, sizeof(spsi_interval));
     if (!filling->band.intervals) return context->result;
@@ -14008,7 +14008,7 @@ SPSI_COLD sps_result spsi_append_band(spsi_filling *filling) {
     const uint64_t sum = spsi_running_sums(starts, texels + 1);
     if (sum > UINT32_MAX)
         return spsi_fail_field(filling->context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "items", (double)sum,
-                               "2^32 - 1 are held at most");
+                               "2^32 - 1 fit at most");
     if (spsi_check_map_budget(map->context, -1, map->settings.byte_budget, (double)sum * (double)item))
         return filling->context->result;
     spsi_buffer_extend(filling->context, &map->data.texels, starts[0], (size_t)sum, item);
@@ -14344,7 +14344,7 @@ SPSI_COLD sps_result spsi_check_tmap_camera(const spsi_subject *at, const sps_tm
     spsi_along(camera->target, camera->position, -1, forward);
     if (camera->world_to_clip || spsi_dot(forward, forward) > 0) return SPS_OK;
     return spsi_wrong_that(at, "camera.position", 0,
-                           "and camera.target are the same point; a map looks from one to the other, or, where "
+                           "and camera.target are the same point; a map is seen from one towards the other, or, where "
                            "light.omnidirectional is 1, all round");
 }
 
@@ -24721,8 +24721,8 @@ SPSI_COLD void spsi_plan_gather_pass(const spsi_frame *frame, const spsi_reading
                    !particles ? "volumes must be read"
                    : volumes  ? "volumes and particles must be read"
                               : "particles must be read",
-                   frame->medium_count == 0 ? "no volume or particle that could be seen"
-                   : reading->held          ? "the voxels are held from an earlier call"
+                   frame->medium_count == 0 ? "no visible volume or particle"
+                   : reading->held          ? "the voxels are cached by an earlier call"
                                             : "range_fn shows that no voxel matters");
 }
 
@@ -24744,7 +24744,7 @@ SPSI_COLD const char *spsi_plan_map_reason(const spsi_frame *frame) {
 
 SPSI_COLD void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan_report *report) {
     const int shade = frame->matter.extinguishes;
-    const char *nothing = gases ? "nothing has extinction" : "no volume or particle that could be seen";
+    const char *nothing = gases ? "nothing has extinction" : "no visible volume or particle";
     int maps = 0, extended = 0;
     report->light_points = frame->lights.count > 0;
     for (int i = 0; i < frame->lights.count; ++i) {
@@ -24759,9 +24759,9 @@ SPSI_COLD void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_p
                                                 : "no light casts shadows on anything");
     spsi_plan_pass(report, SPS_PASS_LIGHT_MAPS, maps, spsi_plan_map_reason(frame),
                    !shade ? nothing : "no light that casts shadows has a shadow_map or a table");
-    spsi_plan_pass(report, SPS_PASS_PENUMBRAE, report->pass[SPS_PASS_PENUMBRAE].runs, "lights have an extent",
-                   !extended ? "no light that casts shadows has an extent"
-                   : !gases  ? "no volume or particle that could be seen"
+    spsi_plan_pass(report, SPS_PASS_PENUMBRAE, report->pass[SPS_PASS_PENUMBRAE].runs, "area lights cast shadows",
+                   !extended ? "no area light casts shadows"
+                   : !gases  ? "no visible volume or particle"
                              : "all penumbrae in gas are narrower than half a texel: they are left sharp");
 }
 
@@ -24783,7 +24783,7 @@ SPSI_COLD void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int 
                                 : "no volume or particle that scatters light");
     spsi_plan_pass(report, SPS_PASS_TRIANGLE_TREE, tree && !held,
                    shadows > 0 ? "polygons cast shadows on polygons" : "light goes from cell to cell beside polygons",
-                   tree ? "the tree is held from an earlier call" : nothing);
+                   tree ? "the tree is cached by an earlier call" : nothing);
     spsi_plan_pass(report, SPS_PASS_SHADOW_RAYS, shadows, "polygons cast shadows on polygons", nothing);
 }
 
@@ -24794,17 +24794,17 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
     const int held = context->tree_held && spsi_faces_cached(context, frame);
     const int again = frame->view.scattering != SPS_SCATTERING_AMBIENT;
     const char *once = report->scatter_bound > 0 ? "view.scattering is auto: scatter_bound is within the tolerance"
-                                                 : "view.scattering is off";
+                                                 : "view.scattering is single";
     spsi_plan_gather_pass(frame, reading, report);
-    spsi_plan_pass(report, SPS_PASS_PROJECTORS, frame->lights.image_count, "lights throw an image",
-                   lit ? "no light throws an image" : "no light");
+    spsi_plan_pass(report, SPS_PASS_PROJECTORS, frame->lights.image_count, "lights have projected textures",
+                   lit ? "no light has a projected texture" : "no light");
     spsi_plan_polygon_passes(frame, gases, held, report);
     spsi_plan_pass(report, SPS_PASS_EYE_SHEETS, gases ? sweeps + report->pass[SPS_PASS_EYE_SHEETS].runs : 0,
-                   sweeps == 1 ? "volumes or particles are seen, one sweep"
+                   sweeps == 1 ? "volumes or particles are visible, one sweep"
                    : frame->lights.sliced_count > 0
-                       ? "volumes or particles are seen, one sweep for each light that shades by sheets"
-                       : "volumes or particles are seen, one sweep for each part of an image too wide for one",
-                   "no volume or particle that could be seen");
+                       ? "volumes or particles are visible, one sweep for each light that shades by sheets"
+                       : "volumes or particles are visible, one sweep for each part of an image too wide for one",
+                   "no visible volume or particle");
     spsi_plan_shadow_passes(frame, gases, report);
     spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->has_gradients ? sweeps : 0, "a volume is shaded as a surface",
                    "no volume shaded as a surface, or no light for it");
@@ -24817,7 +24817,7 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
                    : !again                                          ? "view.scattering does not ask for it"
                    : !lit                                            ? "no light"
                    : frame->lights.shadow_count == 0                 ? "no light casts shadows"
-                                                                     : "gases scatter evenly: cells have all of it");
+                                                                     : "media scatter isotropically: cells have all of it");
     spsi_plan_pass(report, SPS_PASS_SPREADING, spsi_convolves(frame) ? frame->lights.shadow_count : 0,
                    "view.scattering asks for it",
                    !frame->matter.scatters           ? "nothing scatters: albedo 0 or no extinction"
@@ -24933,7 +24933,7 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
     spsi_reading reading;
     spsi_rays rays;
     spsi_slabs slabs;
-    report->eye_filling = "no volume that could be seen";
+    report->eye_filling = "no visible volume";
     report->light_filling = "no volume casts shadows by sheets";
     report->cells_filling = "no volume, or its light does not go from cell to cell, nor spread";
     memset(context->planned, 0, sizeof context->planned);
@@ -26459,14 +26459,14 @@ SPSI_COLD sps_result spsi_bracket_check(sps_context *context, const spsi_frame *
         const spsi_material *material = spsi_material_of(frame, m);
         if (material->table)
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, frame->media[m].index, "transfer",
-                                  0, "makes looks that have corners, and normals, of which no bounds are known");
+                                  0, "has corners, and normals, for which no bounds are known");
     }
     for (int m = 0; m < frame->matter.material_count; ++m) scatters |= frame->matter.materials[m].scatters;
     for (int i = 0; i < frame->lights.count; ++i) {
         const spsi_light *light = &frame->lights.list[i];
         if (light->extent.exists || light->projection.exists)
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, light->index, "", 0,
-                                  "has an extent or throws an image, for which no bounds are known");
+                                  "has an area or a projected texture, for which no bounds are known");
     }
     if (frame->particles.set_count > 0 && frame->lights.count > 0 && scatters)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_PARTICLES, frame->particles.sets[0].index, "",

@@ -880,7 +880,7 @@ static void test_untransposed(void) {
         CHECK((map != NULL) == (n % 3 == 0));
         CHECK((strstr(sps_error(context), "narrow the light's view") != NULL) == (n % 3 == 2));
         if (!CHECK_CASE("Found in review", "a light's matrix that was not transposed", "the error says so",
-                        (strstr(sps_error(context), "looks transposed: it must be row-major") != NULL) != (n % 3 == 1),
+                        (strstr(sps_error(context), "seems transposed: it must be row-major") != NULL) != (n % 3 == 1),
                         0, "exact"))
             printf("    %d: %s\n", n, sps_error(context));
         sps_tmap_destroy(map);

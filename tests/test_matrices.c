@@ -157,7 +157,7 @@ static void test_transposed(void) {
         make_matrix(&seen, matrix, transposed);
         ++count;
         good = plan(transposed) == SPS_ERROR_ARGUMENT &&
-               strstr(sps_error(context), "view.camera.world_to_clip looks transposed: it must be row-major") != NULL;
+               strstr(sps_error(context), "view.camera.world_to_clip seems transposed: it must be row-major") != NULL;
         if (!good && ++taken < 5)
             printf("    kind %d placing %d near %g scale %g: %s\n", seen.kind, (int)seen.place, seen.near_depth,
                    seen.scale, sps_error(context));

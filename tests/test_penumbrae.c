@@ -389,7 +389,7 @@ static void test_no_extent(void) {
     CHECK(stats.soft_texels == 0);
     CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
     CHECK(plan.light_points == 1 && plan.pass[SPS_PASS_PENUMBRAE].runs == 0);
-    CHECK(strstr(plan.pass[SPS_PASS_PENUMBRAE].reason, "no light that casts shadows has an extent") != NULL);
+    CHECK(strstr(plan.pass[SPS_PASS_PENUMBRAE].reason, "no area light casts shadows") != NULL);
     /* penumbrae of less than half a texel are left sharp in gas, and the plan says so */
     check_set3(s.light[0].axes[0], 1e-4, 0, 0);
     s.light[1].angular_diameter = 1e-4;

@@ -895,7 +895,7 @@ static void test_penumbrae(void) {
     t.s.light[0].samples = 5; /* of no extent */
     o = measure(&t);
     CHECK(runs(&o, SPS_PASS_PENUMBRAE) == 0 && o.plan.light_points == 1 && o.stats.soft_texels == 0);
-    CHECK(strcmp(o.plan.pass[SPS_PASS_PENUMBRAE].reason, "no light that casts shadows has an extent") == 0);
+    CHECK(strcmp(o.plan.pass[SPS_PASS_PENUMBRAE].reason, "no area light casts shadows") == 0);
     t.s.light[0].angular_diameter = 0.2;
     o = measure(&t);
     CHECK(runs(&o, SPS_PASS_PENUMBRAE) == 1 && o.plan.light_points == 5 && o.stats.soft_texels > 0);
@@ -919,7 +919,7 @@ static void test_penumbrae(void) {
     t.s.scene.volume_count = 0;
     o = measure(&t);
     CHECK(runs(&o, SPS_PASS_PENUMBRAE) == 0 && o.stats.soft_texels == 0);
-    CHECK(strcmp(o.plan.pass[SPS_PASS_PENUMBRAE].reason, "no volume or particle that could be seen") == 0);
+    CHECK(strcmp(o.plan.pass[SPS_PASS_PENUMBRAE].reason, "no visible volume or particle") == 0);
     check_free_triangles(&t.triangles);
 }
 

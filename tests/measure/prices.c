@@ -733,7 +733,7 @@ static void print_default(const price_scene *scene) {
 }
 
 static int print_defaults(void) {
-    printf("| scene | first frame | next frames | single scattering | error of the mean |\n"
+    printf("| scene | first frame | next frames | single scattering | brightness error |\n"
            "|---|---|---|---|---|\n");
     for (int i = 0; i < PRICE_SCENES; ++i)
         if (price_scenes[i].is_asset) print_default(price_scenes + i);

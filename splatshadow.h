@@ -4837,7 +4837,7 @@ static void spsi_projection_move(const spsi_light *centre, spsi_light *point) {
 
 /* Point light at (x, y) of an area light. Directional discs are uniform in solid angle: 1 - cos grows with the squared
    radius. */
-static void spsi_light_place(const spsi_light *light, double x, double y, spsi_light *point) {
+SPSI_COLD void spsi_light_place(const spsi_light *light, double x, double y, spsi_light *point) {
     const spsi_light_extent *extent = &light->extent;
     *point = *light;
     memset(&point->extent, 0, sizeof point->extent);
@@ -7933,7 +7933,7 @@ static double spsi_particle_fineness(const spsi_frame *frame) {
    bounds. `size`: texels on the longer side; 0: derived, up to `most`. Texels stay centred as a light turns and are
    added in pairs, to avoid flicker. Returns 0 if no cone from a point light covers the bounds, or if spsi_rays_complete
    fails. */
-static int spsi_rays_fit(const spsi_light *light, const spsi_bounds *bounds, double texel, int size, int most,
+SPSI_COLD int spsi_rays_fit(const spsi_light *light, const spsi_bounds *bounds, double texel, int size, int most,
                          spsi_rays *rays) {
     double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
     double eye[3], *const first = light->is_point ? rays->c : rays->origin, pitch, extent, distance;
@@ -12166,7 +12166,7 @@ SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *fr
 
 #define SPSI_PYRAMID_FLOATS (13 * 13 * 16 + SPSI_LANES) /* most of a brick, its apron and a vector */
 
-static void spsi_thirds_task(void *data, int held) {
+SPSI_COLD void spsi_thirds_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
     const spsi_pyramid_level *field = job->field;
     const size_t width = 2 * (size_t)field->size[0], layer = 2 * (size_t)field->size[1] * width;
@@ -12568,7 +12568,7 @@ static double spsi_target_reach(const spsi_target *target, int lattice) {
     return (target->samplers[lattice].lone ? 0 : 1) + reach * spsi_sampler_reach(&target->samplers[lattice]);
 }
 
-static void spsi_bricks_task(void *data, int i) {
+SPSI_COLD void spsi_bricks_task(void *data, int i) {
     spsi_contents *contents = (spsi_contents *)data;
     const int chunks = spsi_chunk_count(contents->slabs);
     const spsi_brick *brick = &contents->list[i];
@@ -20291,7 +20291,7 @@ static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, doubl
 }
 
 /* True if two faces are flat and share a plane and a normal. */
-static int spsi_faces_coplanar(const spsi_face *face, const spsi_face *other) {
+SPSI_COLD int spsi_faces_coplanar(const spsi_face *face, const spsi_face *other) {
     double plane[3], apart = 0;
     if (!spsi_face_is_flat(face)) return 0;
     spsi_face_plane(face, plane);
@@ -21338,7 +21338,7 @@ static void spsi_sampling_visit(const spsi_sampling *sheets, const spsi_tile *ti
     }
 }
 
-static void spsi_sampling_task(void *data, int index, int worker) {
+SPSI_COLD void spsi_sampling_task(void *data, int index, int worker) {
     const spsi_sampling *sheets = (const spsi_sampling *)data;
     spsi_sample_place place;
     spsi_tile tile;
@@ -21443,7 +21443,7 @@ static void spsi_cone_ray(const spsi_light *light, double versine, double turn, 
 
 /* Fraction of a light sent as narrow beams, to the medium or to polygons. Beams may be 1/8 of the grid wide, at its far
    end or the polygon on the axis. With translucent polygons there are none: beams would have to pass them. */
-static double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *light, int to_polygons) {
+SPSI_COLD double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *light, int to_polygons) {
     const spsi_cell_grid *grid = job->grid;
     const double versine = light->cone.none, longest = grid->edge * job->frame->view.scattering_resolution;
     double to[3];
@@ -21953,7 +21953,7 @@ static void spsi_hits_reflect(const spsi_cell_job *job, const spsi_cell_hits *hi
 }
 
 /* Rays cover equal solid angles. */
-static void spsi_beams_list(const spsi_cell_job *job, const spsi_light *light, const spsi_shadow *shadow,
+SPSI_COLD void spsi_beams_list(const spsi_cell_job *job, const spsi_light *light, const spsi_shadow *shadow,
                             spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_cell_view view = {job->faces, job->grid, {0, 0, 0}, {0, 0, 0}};
     const double solid = 2 * SPSI_PI * light->cone.none / (SPSI_BEAM_RINGS * SPSI_BEAM_RINGS);
@@ -21982,7 +21982,7 @@ static void spsi_beams_list(const spsi_cell_job *job, const spsi_light *light, c
 
 /* Turns lit patches into emitters, while there is room, and removes them from the sweep. Parallel rays sample polygons
    at a link along an axis. A slanted wall counts by its normal's component: three axes sum to its area. */
-static void spsi_patches_list(const spsi_cell_job *job, double covered, size_t most, spsi_tree_item *items) {
+SPSI_COLD void spsi_patches_list(const spsi_cell_job *job, double covered, size_t most, spsi_tree_item *items) {
     const spsi_cell_grid *grid = job->grid;
     const int *size = grid->size, rays = (int)spsi_dmax(4, spsi_dmin(4 / covered, 64));
     spsi_cell_view view = {job->faces, grid, {0, 0, 0}, {0, 0, 0}};
@@ -22111,7 +22111,7 @@ static void spsi_cells_fly_from(const spsi_cell_job *job, const spsi_cell_grid *
     if (count > 0 && grid->flown) spsi_parallel_items(job->context, rows * layers, spsi_flights_light_task, &flight);
 }
 
-static sps_result spsi_cells_fly_to(spsi_cell_job *job) {
+SPSI_COLD sps_result spsi_cells_fly_to(spsi_cell_job *job) {
     if (!job->later && spsi_cells_emitters(job)) return job->context->result;
     spsi_cells_fly_from(job, job->grid, job->flights, SPSI_FLIGHTS_CELLS, 2);
     return SPS_OK;
@@ -22515,7 +22515,7 @@ static void spsi_cell_patches_task(void *data, int patch) {
 }
 
 /* Subtracts single scattering by peaked lobes: patches send it by the phase function. */
-static void spsi_cells_single_task(void *data, int row) {
+SPSI_COLD void spsi_cells_single_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const spsi_cell_level *level = &job->solver->levels[0];
@@ -22759,7 +22759,7 @@ static void spsi_emission_add(const spsi_cell_job *job, spsi_emission_sums *glow
     glow->depth += depth * cbrt(sum * sum / squares);
 }
 
-static sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+SPSI_COLD sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                    const spsi_bounds *bounds, const spsi_call_stage *part, spsi_cell_grid *grid,
                                    spsi_cell_job **begun) {
     const size_t channels = (size_t)grid->channels, floats = spsi_cell_job_floats(frame, grid) * grid->count;
@@ -23038,7 +23038,7 @@ static void spsi_spread_polygons(const spsi_spread_job *job, const spsi_cell_spo
 
 /* Mean of a spotlight's cone over a square of texels. Squares on the rim are split until small, which conserves
    light. */
-static double spsi_spread_cone(const spsi_light *light, const spsi_rays *rays, double x, double y, double size) {
+SPSI_COLD double spsi_spread_cone(const spsi_light *light, const spsi_rays *rays, double x, double y, double size) {
     const double outer = 2 * asin(spsi_dmin(sqrt(0.5 * light->cone.none), 1));
     const double inner = 2 * asin(spsi_dmin(sqrt(0.5 * spsi_dmax(light->cone.none - light->cone.rim, 0)), 1));
     double ray[3], across[3], angle, reach, sum = 0;
@@ -24817,7 +24817,7 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
                    : !again                                          ? "view.scattering does not ask for it"
                    : !lit                                            ? "no light"
                    : frame->lights.shadow_count == 0                 ? "no light casts shadows"
-                                                                     : "media scatter isotropically: cells have all of it");
+                                                                     : "media are isotropic: cells have all of it");
     spsi_plan_pass(report, SPS_PASS_SPREADING, spsi_convolves(frame) ? frame->lights.shadow_count : 0,
                    "view.scattering asks for it",
                    !frame->matter.scatters           ? "nothing scatters: albedo 0 or no extinction"

@@ -50,30 +50,30 @@ CONTENTS (search for the tag)
     >>lights        15 lights and their rays         >>projectors    16 projected textures
     >>depthmaps     17 polygons in front of gas      >>spheres       18 particles as spheres
     >>slicing       19 slabs and sweeps              >>splat         20 footprints into sheets
-    >>sampler       21 volumes sampled by pixel      >>targets       22 filling sheets, by tile
+    >>sampler       21 volumes sampled per pixel     >>targets       22 filling sheets, per tile
     >>lightsheets   23 sheets as optical depth       >>tmaps         24 transmittance maps
     >>penumbrae     25 area lights                   >>spreading     26 convolution in sheets
     >>shadows       27 shadows on gas, surfaces      >>scattering    28 forward multiple scattering
-    >>cells         29 light from cell to cell       >>flights       30 unscattered light, by geometry
+    >>cells         29 light from cell to cell       >>flights       30 first flights of light
     >>shading       31 radiance of a sheet           >>filling       32 the medium in cells
     >>lighting      33 light on cells and polygons   >>solving       34 light between cells, polygons
     >>convolving    35 sheets of spreading light     >>sweep         36 chunks of slabs, tiles
-    >>budget        37 settings for time or error    >>frame         38 sweeps, then the image
+    >>budget        37 settings to meet a budget     >>frame         38 sweeps, then the image
     >>plan          39 cost before rendering         >>reference     40 brute-force ray marching
-    >>bounds        41 guaranteed bounds of it       >>paths         42 random paths
+    >>bounds        41 guaranteed bounds on it       >>paths         42 random paths
     >>public        43 the public functions          >>licence
 
 NOT INCLUDED
     No files, no windows, no threads of its own, no GPU. No refraction, no mirrors, no light from polygon to polygon.
-    Ambient light is unshadowed, except by gas under SPS_SCATTERING_MULTIPLE. sps_view.coverage_samples smooths edges of
-    polygons, but not edges of their shadows, nor of classified volumes with voxels smaller than pixels: render larger
-    and downsample. Gas is filtered: a pixel shows its mean.
+    Ambient light is unshadowed, except by gas under SPS_SCATTERING_MULTIPLE. sps_view.coverage_samples antialiases
+    polygons, but not their shadows, nor classified volumes with voxels smaller than pixels: render larger and
+    downsample. Gas is prefiltered: a pixel shows its mean.
 
 CONVENTIONS
     Nothing depends on handedness. Lengths are in the caller's unit, angles in radians. Matrices are row-major and
     multiply column vectors. Row 0 of an image is its top row. Pixel (x,y) is the ray through its centre. Colors are
     linear RGB radiance.
-    A directional light's `direction` is its direction of travel; its color is the irradiance on a plane facing it.
+    A directional light travels along its `direction`; its color is the irradiance on a plane facing it.
     A point light's color is its intensity: irradiance = intensity / distance^2, unless its falloff is none.
     Extinction is per unit length at value 1. Phase functions integrate to 1 over the sphere (isotropic: 1 / 4 pi).
     A surface of reflectance r reflects a radiance of r / pi * irradiance * cosine towards the eye.
@@ -81,44 +81,44 @@ CONVENTIONS
     kernel(p - centre). The kernel is a normalised Gaussian with a standard deviation of 0.65 voxels. Values outside the
     box are 0, so the field fades out within 2.5 voxels of it. sps_reference marches through exactly this sum;
     sps_render cuts the kernels at 1.8 to 2.5 voxels, depending on quality.
-    A scene's callbacks return 0, or non-zero on failure; read_fn, eval_fn and sample_fn find their outputs zeroed.
+    A scene's callbacks return 0, or non-zero on failure; read_fn, eval_fn and sample_fn receive zeroed outputs.
 
 BUILD OPTIONS (define before the implementation is included; none changes a public type)
 
     SPLATSHADOW_IMPLEMENTATION   compiles the implementation; define it in exactly one source file
-    SPLATSHADOW_NO_REFERENCE     leaves out sps_reference, a fifth of the compile time; it then returns
-                                 SPS_ERROR_UNSUPPORTED
-    SPS_API                      default extern; may be an export attribute; or `static`, which drops unused functions
+    SPLATSHADOW_NO_REFERENCE     leaves out sps_reference, which then returns SPS_ERROR_UNSUPPORTED; saves a
+                                 fifth of the compile time
+    SPS_API                      default extern; may be an export attribute, or `static`, which drops unused functions
     SPS_ASSERT(c)                default assert(c); catches bugs in the library and in parallel_for_fn, not bad input
     SPS_MALLOC(n), SPS_FREE(p)   default malloc, free; used if the config has no allocator (define both or neither)
     SPS_SNPRINTF                 default snprintf; writes the error sentences
     SPS_CLOCK()                  default clock() in seconds; paces progress_fn if the config has no clock_fn. Below 0:
-                                 no clock, so progress_fn is called after and amid every task
-    SPS_ALLOW_FAST_MATH          allows -ffast-math, -ffinite-math-only and /fp:fast, otherwise an #error: invalid data
-                                 then goes unnoticed, and polygons may show gaps
-    SPS_NO_SIMD                  plain C only. Otherwise the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the
+                                 no clock, and progress_fn is called during and after every task
+    SPS_ALLOW_FAST_MATH          allows -ffast-math, -ffinite-math-only and /fp:fast, otherwise an #error. With them,
+                                 invalid data goes unnoticed, and polygons may show gaps
+    SPS_NO_SIMD                  plain C; the default is the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the
                                  compiler is told to use (-march=native, /arch:AVX2, ...)
 
 MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs about
     10 bytes per relevant voxel, 32 per particle, 176 per triangle, 24 to 60 per pixel and 68 per texel of shadow
     buffer. docs/manual.md, section 10, lists the rest. memory_limit is never exceeded.
-ERRORS   Calls return sps_result; sps_error and sps_get_error tell field and value. After a failure the image is
-    untouched and the context can be used again.
+ERRORS   Calls return sps_result; sps_error and sps_get_error name the field and its value. A failure leaves the image
+    untouched, and the context can be used again.
 THREADS   A context serves one call at a time. Any number of contexts may run at once, and any number of threads may
     query a finished map. parallel_for_fn distributes the work. All other callbacks run on the calling thread, one at a
     time, with two exceptions. Workers call read_fn, range_fn and eval_fn of `concurrent` volumes at once (not in
     sps_plan). With progress_fn, they also call clock_fn. A callback that calls into its own context gets
-    SPS_ERROR_CALLBACK, as does the interrupted call; then the context can be used. No callback may leave by an
+    SPS_ERROR_CALLBACK, as does the interrupted call; then the context can be used. No callback may exit by an
     exception or longjmp. If one does, later calls return SPS_ERROR_CALLBACK. Destroying the context and its maps then
     frees all memory, if C code has unwind tables (-fexceptions).
-REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image.
-    Different machines need the same C library, rounding mode and treatment of denormal numbers. Only a budget
-    (sps_view) depends on the clock, earlier frames, the region and the number of workers.
+REPEATABLE   A build produces identical bits on every run, for any number of workers and any region of an image. On
+    different machines, that takes the same C library, rounding mode and denormal handling. Only a budget (sps_view)
+    depends on the clock, earlier frames, the region and the number of workers.
 LIMITS   Images and shadow buffers up to 16384 on a side; projected textures up to 4096; 2^28 entries of a shadow
     table; 2^20 slabs. Coordinates and matrices within 1e15; voxels of 1e-14 to 1e10 world units, polygons from 1e-20
-    up. Polygons shadow gas from point lights up to 1e7 times as far away as the gas is wide. They shade only points
-    farther behind than 1.2e-7 of their corners' distance from the mesh's origin. Values above 1e18 are an error; values
-    below 1e-30 count as 0. Beyond an optical depth of 86, transmittance is 0; polygons count as 1e15.
+    up. Polygons shadow gas from point lights at most 1e7 times as far away as the gas is wide. They shadow only points
+    farther behind them than 1.2e-7 of their corners' distance from the mesh's origin. Values above 1e18 are an error;
+    values below 1e-30 count as 0. Beyond an optical depth of 86, transmittance is 0; an opaque polygon has 1e15.
 
 PAPERS
     C. Zhang, R. Crawfis, "Light Propagation for Mixed Polygonal and Volumetric Data Using Splatting" >>slicing
@@ -167,9 +167,9 @@ typedef enum sps_result {
     SPS_ERROR_ARGUMENT,    /* a field is missing or outside its documented range */
     SPS_ERROR_MEMORY,      /* the allocator returned NULL, or memory_limit would be exceeded */
     SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero, called into its context, or threw */
-    SPS_ERROR_DATA,        /* a callback delivered a value that is not finite, negative or above 1e18 */
+    SPS_ERROR_DATA,        /* a callback delivered a value that is negative, above 1e18 or not finite */
     SPS_ERROR_UNSUPPORTED, /* no slicing direction suits camera and light (SPS_SHADOW_SHEETS); or sps_reference needs
-                              paths for the view's scattering; or numbers exceed the range of floats */
+                              paths for the view's scattering; or values exceed the range of floats */
     SPS_ERROR_CANCELLED    /* progress_fn returned non-zero */
 } sps_result;
 
@@ -181,50 +181,50 @@ typedef enum sps_object {
     SPS_OBJECT_SCENE,
     SPS_OBJECT_VIEW,
     SPS_OBJECT_IMAGE,
-    SPS_OBJECT_VOLUME,    /* volume number `index` of the scene */
-    SPS_OBJECT_MESH,      /* mesh number `index` */
-    SPS_OBJECT_LIGHT,     /* light number `index`; includes "shadow_map.components", "projector.width" */
-    SPS_OBJECT_PARTICLES, /* set number `index` */
+    SPS_OBJECT_VOLUME,    /* volume `index` of the scene */
+    SPS_OBJECT_MESH,      /* mesh `index` */
+    SPS_OBJECT_LIGHT,     /* light `index`; includes "shadow_map.components", "projector.width" */
+    SPS_OBJECT_PARTICLES, /* particle set `index` */
     SPS_OBJECT_TMAP,      /* a transmittance map itself, not its light or settings */
     SPS_OBJECT_TMAP_LIGHT,
     SPS_OBJECT_TMAP_SETTINGS,
     SPS_OBJECT_REFERENCE_SETTINGS
 } sps_object;
 
-/* A failure, as data. */
+/* A failure as data. */
 typedef struct sps_error_info {
     sps_result result;
     sps_object object;
-    /* Position of the volume, mesh, light or set of particles in the scene's array; -1 for other objects. After
-       sps_tmap_finish, counted through all scenes added to the map. */
+    /* Index of the volume, mesh, light or particle set in the scene's array; -1 for other objects. After
+       sps_tmap_finish, it counts through all scenes added to the map. */
     int index;
     /* Member of the object in C syntax ("transfer.points[2].value"; colors and directions as a whole), or the callback
-       that failed. For SPS_ERROR_DATA, the value ("particle[7].radius"). Inside sps_grid and sps_indexed_mesh:
+       that failed. SPS_ERROR_DATA: the value ("particle[7].radius"). Inside sps_grid and sps_indexed_mesh:
        "grid.scale", "arrays.positions". "": the object as a whole. */
     char field[64];
     double value;       /* the field's value, the callback's result, or another number in the sentence */
     char sentence[256]; /* the text that sps_error returns */
 } sps_error_info;
 
-/* Runs a loop in parallel: call task(task_data, index, worker) once for each index 0..count-1, in any order, on any
-   threads. Return when all have returned and their writes are visible. `worker` is 0..worker_count-1, distinct for
-   concurrent calls. Omitted tasks run afterwards, as worker 0. Tasks use up to 16 KB of stack (24 KB with AVX-512).
-   They do not block, except in clock_fn and callbacks of `concurrent` volumes. */
+/* Runs a loop in parallel: calls task(task_data, index, worker) once for each index 0..count-1, in any order, on any
+   threads. Returns when all have returned and their writes are visible. `worker` is 0..worker_count-1, distinct for
+   concurrent calls. The library runs omitted tasks afterwards, as worker 0. Tasks use up to 16 KB of stack (24 KB with
+   AVX-512). They do not block, except in clock_fn and callbacks of `concurrent` volumes. */
 typedef void (*sps_task_fn)(void *task_data, int index, int worker);
 typedef void (*sps_parallel_for_fn)(void *user, int count, sps_task_fn task, void *task_data);
 
 /* All zero is valid: malloc, no threads, no messages, no limit. Copied by sps_create. */
 typedef struct sps_config {
     uint32_t start_canary;                                   /* leave 0 */
-    void *(*alloc_fn)(void *user, size_t size);              /* set both or neither; aligned as by malloc */
+    void *(*alloc_fn)(void *user, size_t size);              /* set both or neither; aligned like malloc's */
     void (*free_fn)(void *user, void *pointer, size_t size); /* `size` is the one passed to alloc_fn */
     sps_parallel_for_fn parallel_for_fn;                     /* NULL: everything runs on the calling thread */
     int worker_count;                                        /* 1..1024 with parallel_for_fn; 0 means 1 */
-    /* Called at the end and about every 10 ms by clock_fn (else SPS_CLOCK). `fraction` is 0..1 and never decreases.
-       Returning non-zero cancels the call soon. With parallel_for_fn, set clock_fn too, or waiting takes up to a sixth
-       of a frame's time. */
+    /* Called about every 10 ms (clock_fn, else SPS_CLOCK) and at the end. `fraction` is 0..1 and never decreases.
+       Returning non-zero cancels the call soon. With parallel_for_fn, set clock_fn too, or synchronisation takes up to
+       a sixth of a frame. */
     int (*progress_fn)(void *user, float fraction);
-    /* Receives one line without newline: errors (except for SPS_ERROR_CANCELLED), and warnings. */
+    /* Receives errors (except SPS_ERROR_CANCELLED) and warnings, each a line without newline. */
     void (*message_fn)(void *user, const char *text);
     /* Returns seconds. With progress_fn, several workers may call it at once. NULL: no times in sps_get_stats. */
     double (*clock_fn)(void *user);
@@ -233,8 +233,8 @@ typedef struct sps_config {
     uint32_t end_canary; /* leave 0 */
 } sps_config;
 
-/* An affine map from local to world space: origin, and the images of the unit vectors along x, y, z. All axes zero: the
-   identity. A zero determinant is an error. */
+/* An affine map from local to world space: origin, and the images of the unit vectors along x, y, z. If all axes are
+   zero, the unit vectors replace them. A zero determinant is an error. */
 typedef struct sps_placement {
     double origin[3];
     double axis[3][3];
@@ -266,7 +266,7 @@ typedef struct sps_transfer {
 
 typedef enum sps_shading {
     SPS_SHADING_GAS = 0, /* scatters by the phase function */
-    SPS_SHADING_SURFACE  /* diffuse and specular where the gradient is strong, which is the normal; gas elsewhere */
+    SPS_SHADING_SURFACE  /* diffuse and specular where the gradient, taken as normal, is strong; gas elsewhere */
 } sps_shading;
 
 /* A grid of voxels in the world. Values come from read_fn or eval_fn, in blocks of at most 38^3 voxels. Without a
@@ -281,7 +281,7 @@ typedef struct sps_volume {
     /* Optional: bounds the values in a block, to skip it without reading. May be too wide, never too narrow; write
        0..1e18 if data may be invalid. */
     int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]);
-    /* Instead of read_fn: writes the values at world positions (packed triples), the centres of voxels. */
+    /* Instead of read_fn: writes the values at voxel centres, world positions in packed triples. */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
     /* Non-zero: several workers may call read_fn, range_fn and eval_fn at once, in any order. They must lock whatever
@@ -316,8 +316,8 @@ typedef enum sps_voxel_format {
 
 /* A dense array of voxels in the caller's memory, for volumes without callbacks of their own:
        volume.read_fn = sps_grid_read, volume.range_fn = sps_grid_range, volume.user = &grid;
-   The caller owns the struct and its voxels, and must not change them before the call that reads them returns
-   (sps_tmap_add: before sps_tmap_finish does). Volumes, contexts and threads may share a grid. */
+   The caller owns the struct and its voxels, and must not change them until the call that reads them returns
+   (sps_tmap_add: until sps_tmap_finish does). Volumes, contexts and threads may share a grid. */
 typedef struct sps_grid {
     uint32_t start_canary; /* leave 0 */
     const void *voxels;    /* voxel (0,0,0); need not be aligned */
@@ -340,39 +340,39 @@ typedef struct sps_triangle {
 /* The point of a mesh that a pixel shows, for shade_fn. */
 typedef struct sps_surface_point {
     double position[3]; /* world */
-    double uv[2];       /* the corners' uv, interpolated in perspective */
-    /* Change of uv to the next pixel on the right and below, in the triangle's plane, to filter textures; finite even
+    double uv[2];       /* the corners' uv, perspective-correct */
+    /* Change of uv to the next pixel right and below, in the triangle's plane, to filter textures; finite even
        edge-on. */
     float uv_dx[2], uv_dy[2];
     float normal[3];  /* shading normal: world, unit length, on the eye's side */
     float weights[3]; /* barycentric, to interpolate the caller's own data */
-    size_t triangle;  /* number in the mesh */
-    int mesh;         /* number in the scene's array */
+    size_t triangle;  /* index in the mesh */
+    int mesh;         /* index in the scene's array */
     int x, y;         /* pixel of the whole image */
 } sps_surface_point;
 
-/* Appearance of such a point. */
+/* Appearance of a surface point. */
 typedef struct sps_surface {
     float albedo[3];   /* reflectance, 0..1 */
-    float emission[3]; /* the point's own radiance, 0..1e18; visible to the eye, lights nothing else */
+    float emission[3]; /* emitted radiance, 0..1e18; visible to the eye, lights nothing */
 } sps_surface;
 
-/* Triangles, lit from the eye's side. Exact rays find their shadows on each other; sps_view.shadow_resolution is for
+/* Triangles, lit from the eye's side. Rays trace their shadows on each other exactly; sps_view.shadow_resolution sets
    their shadows in gas. Degenerate triangles are skipped; non-finite ones are an error. */
 typedef struct sps_mesh {
     uint32_t start_canary; /* leave 0 */
     size_t triangle_count; /* 0: no mesh; at most 2^29, over all meshes of a scene */
-    /* Writes `count` triangles, beginning with number `first`. Called for blocks of 256, once each per call, or never
-       if `revision` shows that all are cached. */
+    /* Writes `count` triangles, beginning at index `first`. Called for blocks of 256, each once per call, or never if
+       `revision` shows that all are cached. */
     int (*read_fn)(void *user, size_t first, size_t count, sps_triangle *out);
     void *user;
     sps_placement placement;
     float albedo[3]; /* reflectance, 0..1 */
     int has_normals, has_albedos;
     /* Optional, for textures: sets the appearance of `count` points of this mesh, at most 4096. Each pixel of the
-       region passes a point per visible triangle, in rows from the top. `out` holds the albedo of mesh or corners, and
-       no emission. A point must not depend on others of its call. Values out of range are SPS_ERROR_DATA. Transmittance
-       maps do not call it. */
+       region passes a point per visible triangle, in rows from the top. `out` arrives with the albedo of mesh or
+       corners, and no emission. A point must not depend on others in the call. Values out of range are SPS_ERROR_DATA.
+       Transmittance maps do not call it. */
     int (*shade_fn)(void *user, size_t count, const sps_surface_point *points, sps_surface *out);
     void *shade_user;
     /* Fraction of red, green and blue that passes straight through, at any angle, 0..1; all 0: opaque. The rest is
@@ -412,16 +412,15 @@ typedef struct sps_particle {
     float optical_depth; /* along its diameter, 0..1e18; less along a shorter chord */
 } sps_particle;
 
-/* A set of particles of the same material. Radii below 3/4 of a pixel or texel are raised to that, at equal mass. From
-   4 pixels (1.5 texels) on, optical depth along rays is exact, at any slab_thickness. Polygons cut particles. */
+/* A set of particles of the same material. Radii below 3/4 of a pixel or texel are raised to that, conserving mass.
+   From 4 pixels (1.5 texels) on, optical depth along rays is exact, at any slab_thickness. Polygons cut particles. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
-    /* Writes `count` particles, beginning with number `first`. Called for blocks of at most 4096, once each per call.
-       */
+    /* Writes `count` particles, beginning at index `first`. Called for blocks of at most 4096, each once per call. */
     int (*read_fn)(void *user, size_t first, size_t count, sps_particle *out);
     void *user;
-    int soft;              /* 0: uniform density; 1: density falls as 1 - (r / radius)^2, to nothing at the rim */
+    int soft;              /* 0: uniform density; 1: density falls as 1 - (r / radius)^2, to 0 at the rim */
     int is_extinction;     /* 1: optical_depth holds extinction per world unit instead; if soft, at the centre */
     float albedo[3];       /* 0..1; all zero: absorbs only */
     float emission[3];     /* radiance per unit of optical depth, >= 0 */
@@ -444,15 +443,15 @@ typedef enum sps_tmap_technique {
        n is 4, 6 .. 64: at most n / 2 nodes, no error bound [after Salvi et al. 2010]. 8 bytes per node and 4 per texel.
        Default: no components. */
     SPS_TMAP_COMPRESSED,
-    /* Optical depth at n planes, u = 1/n .. 1 or as set by `planes` [Kim & Neumann 2001]: exact there, bracketed
+    /* Optical depth at n planes, u = 1/n .. 1 or as set by `planes` [Kim & Neumann 2001]: exact there, bounded in
        between. n 1..65, default 8. */
     SPS_TMAP_OPACITY,
-    /* Deep opacity map, after [Yuksel & Keyser 2008]: planes between the texel's first and last occluder, stored before
-       them. Sharp for thin shells; no gain for two distant clumps. n 3..65, default 8. */
+    /* Deep opacity map, after [Yuksel & Keyser 2008]: planes span the texel's first to last occluder, both stored
+       before them. Sharp for thin shells; no gain for two distant clumps. n 3..65, default 8. */
     SPS_TMAP_DEEP_OPACITY,
-    /* Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact at u = 1; rings before by up to 9
-       % of a step. Periodic: leave room at both ends of the range, or set texel_range. n 3, 5 .. 65, default 7; two
-       more with texel_range. */
+    /* Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact at u = 1; before that, it rings by
+       up to 9 % of a step. Periodic: leave room at both ends of the range, or set texel_range. n 3, 5 .. 65, default 7;
+       two more with texel_range. */
     SPS_TMAP_FOURIER,
     /* 4 or 6 moments of extinction along the ray [Muenstermann et al. 2018]: the total, and the means of z .. z^(n-1)
        with z = 2u - 1. Queries return the middle of the implied bounds, and are slow. Soft, never rings, exact at u =
@@ -461,18 +460,18 @@ typedef enum sps_tmap_technique {
     /* Beer shadow map: u where gas begins, u where it ends, and the total. Exact for one uniform interval, and behind
        everything; fills gaps between clumps. 3 components. */
     SPS_TMAP_BEER,
-    /* Only for sps_light.shadow_map: a shadow table, after [Ebert & Parent 1990]. Optical depth at n even planes,
-       interpolated linearly, in steps of 16 / 65535; beyond 16 all is dark (FORWARD: 64). n 8..1024. Default: as wide
-       as a texel of the light's sheets and as long, at most 256 along each side. At most 2^28 entries of 4 bytes.
-       Cached from call to call. */
+    /* Only for sps_light.shadow_map: a shadow table, after [Ebert & Parent 1990]. Optical depth at n evenly spaced
+       planes, interpolated linearly, in steps of 16 / 65535; beyond 16 all is dark (FORWARD: 64). n 8..1024. Default:
+       entries as wide and long as a texel of the light's sheets, at most 256 along each side. At most 2^28 entries of 4
+       bytes. Cached from call to call. */
     SPS_TMAP_TABLE,
-    /* Shadow map [Williams 1978]: only the depth of the first opaque surface (sps_tmap_surfaces), without gas and
-       translucent polygons. An error in sps_light.shadow_map. No components. */
+    /* Shadow map [Williams 1978]: only the depth of the first opaque surface (sps_tmap_surfaces), no gas or translucent
+       polygons. An error in sps_light.shadow_map. No components. */
     SPS_TMAP_DEPTH
 } sps_tmap_technique;
 
-/* Zero is valid for all but far_depth: deep opacity, cubic, with 8 components. For sps_light.shadow_map all of it may
-   be zero: a table. */
+/* All members but far_depth may be zero: deep opacity, cubic, with 8 components. For sps_light.shadow_map, all may be
+   zero: a table. */
 typedef struct sps_tmap_settings {
     uint32_t start_canary; /* leave 0 */
     sps_tmap_technique technique;
@@ -482,13 +481,13 @@ typedef struct sps_tmap_settings {
        contain all gas: gas outside counts at the near or far end. Opaque surfaces cast shadows from anywhere, but
        points before near_depth are lit. */
     double near_depth, far_depth;
-    /* Opacity: u of each plane, increasing from above 0 to 1; copied. Needs `components`: the number of planes (deep
+    /* Opacity: u of each plane, increasing from above 0 to 1; copied. Requires `components`: the number of planes (deep
        opacity: two more). NULL: even steps. Other techniques ignore members from here to epsilon. */
     const float *planes;
     int cubic;              /* opacity: 1: monotone cubics between planes instead of straight lines */
     int texel_range;        /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
-    /* Compressed: maximum error of transmittance, up to 0.5; 0 means 0.01; kept to 1e-6 (soft particles: 0.001). With
-       components: before nodes are removed; 0 means 1 / 1024. */
+    /* Compressed: maximum error of transmittance, up to 0.5; 0 means 0.01; effectively at least 1e-6 (soft particles:
+       0.001). With components: error before nodes are removed; 0 means 1 / 1024. */
     float epsilon;
     double surface_bias; /* world units behind an opaque surface at which its shadow begins; 0 means 2 texels' width */
     uint32_t end_canary; /* leave 0 */
@@ -507,23 +506,23 @@ typedef enum sps_falloff {
     SPS_FALLOFF_NONE                /* irradiance = color, at any distance */
 } sps_falloff;
 
-/* Shadows in gas of a light without a shadow_map. Sheets follow the light slab by slab, in a sweep of their own; a
-   table is made before the sweep. */
+/* How a light without a shadow_map shadows gas. Sheets follow the light slab by slab, in a sweep of their own; a table
+   is made before the sweep. */
 typedef enum sps_shadow_source {
     /* Sheets where slabs serve both light and camera, else a table. Further lights, and all under
-       SPS_SCATTERING_MULTIPLE, take tables if that costs no detail and fits into memory_limit. Depends on volumes'
-       boxes and particles' positions. */
+       SPS_SCATTERING_MULTIPLE, use tables if that loses no detail and fits memory_limit. Depends on volumes' boxes and
+       particles' positions. */
     SPS_SHADOW_AUTO = 0,
     SPS_SHADOW_SHEETS, /* SPS_ERROR_UNSUPPORTED where no slabs serve light and camera */
     SPS_SHADOW_TABLE   /* a table with default settings, of shadow_map_resolution */
 } sps_shadow_source;
 
 /* Projected texture (cookie): multiplies the light's color, and fades to nothing within a texel of its edges. Lookups
-   are bilinear, mip-mapped where pixels are larger. */
+   are bilinear, mip-mapped where pixels exceed texels. */
 typedef struct sps_projector {
     uint32_t start_canary; /* leave 0 */
     int width, height;     /* texels, 1..4096 each */
-    /* Writes the colors at `count` texel centres: one row per call, from the top, in every call that uses the light.
+    /* Writes the colors at `count` texel centres, one row per callback from the top, in every call that uses the light.
        uv: pairs from (0, 0), top left along the light's direction, to (1, 1). out_rgb: packed triples, 0..1e18. */
     int (*sample_fn)(void *user, size_t count, const float *uv, float *out_rgb);
     void *user;
@@ -531,28 +530,28 @@ typedef struct sps_projector {
        90 degrees). Directional light: in world units from sps_light.position. */
     double left, right, bottom, top;
     double up[3]; /* towards the image's top row; zero or along the direction: an axis across it is chosen */
-    /* Disc, rectangle: distance along the direction, beyond the light itself, at which the image is sharp; 0: infinity.
-       At distance d the blur is |1 - d / focus| times the light's size. A directional light is sharp at
+    /* Disc, rectangle: distance along the direction at which the image is sharp, beyond the light's own depth; 0:
+       infinity. At distance d the blur is |1 - d / focus| times the light's size. A directional light is sharp at
        sps_light.position. */
     double focus;
     uint32_t end_canary; /* leave 0 */
 } sps_projector;
 
-/* A light. Area lights cast penumbrae, but gas scatters their light as if from the centre; size 0 gives the bits of a
-   sharp light. Sheets shadow gas in slabs perpendicular to the half vector of eye and light. All their rays through gas
-   must cross these at a cosine of 0.1 or more. Otherwise (a point light in or near a volume, a very wide camera) see
-   shadow_source. Polygons have no such limit. */
+/* A light. Area lights cast penumbrae, but gas scatters their light as if from the centre; size 0 matches a sharp light
+   bit for bit. Sheets shadow gas in slabs perpendicular to the half vector of eye and light. All rays of both through
+   gas must cross the slabs at a cosine of 0.1 or more. Otherwise (a point light in or near a volume, a very wide
+   camera) see shadow_source. Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
     sps_light_kind kind;
     /* Directional: direction of travel. Cone or projector: its axis. Any length except 0. */
     double direction[3];
-    double position[3]; /* the point or centre; directional: of a projector's image, otherwise unused */
+    double position[3]; /* the point or centre; directional: centre of a projector's image, else unused */
     float color[3];     /* >= 0; directional: irradiance, otherwise intensity; all zero: no light */
-    /* Directional: angle that a disc of even radiance subtends, in radians, 0..2 (the sun: 0.0093). */
+    /* Directional: angle that a disc of uniform radiance subtends, in radians, 0..2 (the sun: 0.0093). */
     double angular_diameter;
-    /* Disc, rectangle: two vectors from the centre to the rim, in world units, of any length and angle. Emits evenly in
-       all directions, unless there is a cone. */
+    /* Disc, rectangle: two vectors from the centre to the rim, in world units, of any length and angle. Emits uniformly
+       in all directions, unless there is a cone. */
     double axes[2][3];
     /* All but directional: makes a spotlight. Angles from `direction`, in radians, 0 <= inner < outer <= pi; outer 0:
        no cone. Intensity is `color` within the inner angle and 0 beyond the outer. Between, it is s^2 color; s rises
@@ -561,29 +560,29 @@ typedef struct sps_light {
     sps_falloff falloff; /* all but directional; with SPS_FALLOFF_NONE, `color` is irradiance */
     /* NULL: none. Otherwise a texture projected along `direction`. Borrowed for the call. */
     const sps_projector *projector;
-    /* Points that stand for an area light, up to 256; 0: 8, 16, 32 or 64 by quality (sps_reference: 64). Cost is
-       proportional, error nearly inversely. */
+    /* Sample points of an area light, up to 256; 0: 8, 16, 32 or 64 by quality (sps_reference: 64). Cost is
+       proportional, error almost inversely so. */
     int samples;
     int no_shadow; /* 1: casts no shadow, and has only single scattering in gas */
     /* NULL: see shadow_source. Otherwise shadows in gas come from a map with these settings (all zero: a table). Each
-       call evaluates maps of other techniques into a table, of three planes per two texels' widths: at most 256, or 16
-       per component where texels have no lists. Even OPACITY planes without `cubic` become the table's. byte_budget
-       limits the table. A map has no slicing limit, and six faces around a point light amid gas. near_depth, far_depth
-       and surface_bias must be 0. An error for area lights. If all volumes have a revision, the next call reuses a
-       table of the same gas; a failing call may release it. Few components blotch dense or surface-shaded volumes.
-       Borrowed for the call. */
+       call evaluates maps of other techniques into a table with three planes per two texel widths: at most 256, or 16
+       per component of techniques without lists. Evenly spaced OPACITY planes without `cubic` become the table's.
+       byte_budget limits the table. A map has no slicing limit, and takes six faces around a point light amid gas.
+       near_depth, far_depth and surface_bias must be 0. An error for area lights. If all volumes have a revision, the
+       next call reuses a table of the same gas; a failing call may release it. Too few components blotch dense or
+       surface-shaded volumes. Borrowed for the call. */
     const sps_tmap_settings *shadow_map;
     /* Shadows in gas where shadow_map is NULL. With a shadow_map, SPS_SHADOW_SHEETS is an error, and SPS_SHADOW_TABLE
        requires a table. */
     sps_shadow_source shadow_source;
-    /* Texels on a map's or face's longer side, up to 16384; 0: shadow_resolution, or from quality. */
+    /* Texels on the longer side of a map or face, up to 16384; 0: shadow_resolution, or from quality. */
     int shadow_map_resolution;
     /* Point light: 1: six faces wherever the light is; 0: only if it is amid the gas. */
     int shadow_map_omnidirectional;
     uint32_t end_canary; /* leave 0 */
 } sps_light;
 
-/* Borrowed for the call. Members that are zero are absent. Objects may overlap each other. */
+/* Borrowed for the call. Zero members are absent. Objects may overlap each other. */
 typedef struct sps_scene {
     uint32_t start_canary; /* leave 0 */
     const sps_volume *volumes;
@@ -621,7 +620,7 @@ typedef struct sps_camera {
     double position[3], target[3], up[3]; /* up zero or along the view: an axis across the view is chosen */
     double field_of_view;                 /* perspective: the vertical angle, above 0, up to 3.1 */
     double ortho_height;                  /* orthographic: world height of the image, above 0 */
-    /* Instead of all above: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. Perspective: row 2
+    /* Instead of the above: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. Perspective: row 2
        is free and may be 0 0 0 2; a matrix that seems transposed is an error. Orthographic: depth must increase away
        from the eye; distances count from the plane of clip depth -1 (docs/manual.md, section 11). Borrowed for the
        call. */
@@ -637,25 +636,25 @@ typedef enum sps_scattering {
        cost. [Ebert & Parent] */
     SPS_SCATTERING_AMBIENT,
     /* Multiple scattering by small angles: a closed form in the optical depth and angle of the straight path from light
-       to eye. Right for forward scattering; light that turns back is mostly missing. Ends at an optical depth of 64.
-       Only single scattering for lights without shadows, and none of it for polygons. Cost: a few percent of the
+       to eye. Accurate for forward scattering; backscattered light is mostly missing. Ends at an optical depth of 64.
+       Lights without shadows get only single scattering; polygons receive none of it. Cost: a few percent of the
        time. */
     SPS_SCATTERING_FORWARD,
-    /* FORWARD, and light spreads sideways from sheet to sheet of its light, by Gaussian kernels whose variance the
-       phase function sets. Beams have halos; polygons receive this light and stop it. Area lights spread from their
-       centre. Cached like MULTIPLE. Cost: sheets once more per light. [Zhang & Crawfis; Eyges 1948] */
+    /* FORWARD, plus sideways spreading from sheet to sheet of each light, by Gaussian kernels whose variance the phase
+       function sets. Beams have halos; polygons receive this light and block it. Area lights spread from their centre.
+       Cached like MULTIPLE. Cost: another pass of sheets per light. [Zhang & Crawfis; Eyges 1948] */
     SPS_SCATTERING_CONVOLUTION,
-    /* Multiple scattering in every direction, on one to four grids of cubic cells around all gas. Adds light that turns
-       back or goes from gas to gas, emission and ambient light; straight paths as in FORWARD. Opaque polygons stop and
-       reflect light between cells by the mesh's albedo; translucent ones let it pass. Area lights light cells from
-       their centre; lights without shadows reach cells only from polygons. Cells are reused for any camera if nothing
-       else has changed, every volume and mesh has a revision, and no light has a projector. [Discrete ordinates:
-       Lebedev 1976, Wiscombe 1977] */
+    /* Multiple scattering in every direction, on one to four grids of cubic cells around all gas. Adds backscattered
+       light, light from gas to gas, emission and ambient light; straight paths as in FORWARD. Opaque polygons block
+       light between cells and reflect it by the mesh's albedo; translucent ones let it pass. Area lights light cells
+       from their centre; lights without shadows reach cells only via polygons. Cells are reused for any camera if
+       nothing else has changed, every volume and mesh has a revision, and no light has a projector. [Discrete
+       ordinates: Lebedev 1976, Wiscombe 1977] */
     SPS_SCATTERING_MULTIPLE
 } sps_scattering;
 
-/* How voxels fill the sheets of eye, lights and maps, and classified voxels also cells and the sheets of CONVOLUTION.
-   Particles are always splatted. */
+/* How voxels fill the sheets of eye, lights and maps. Classified ones fill cells and the sheets of CONVOLUTION
+   likewise. Particles are always splatted. */
 typedef enum sps_filling {
     /* The cheaper one for each volume and pass. It may change from frame to frame, and the picture with it, mostly by
        0.1 % for gas and 1 % if classified. Ignores memory_limit. */
@@ -676,23 +675,23 @@ typedef struct sps_view {
     double near_distance;
     int region[4]; /* x, y, width, height of the part to render; all 0: the whole image */
     sps_quality quality;
-    /* Slab thickness in voxels, the main trade of speed for error: error is proportional to its square. 0: from
+    /* Slab thickness in voxels, the main trade-off of speed and error: error is proportional to its square. 0: from
        quality, and more where pixels are wide (sps_quality). Particles count as voxels of 0.7 times their geometric
        mean radius, unless voxels are smaller. Dense particles and long voxels make slabs up to 8 times thinner. */
     double slab_thickness;
     /* Texels on the longer side of a light's sheets, and of the depth map for polygons' shadows in gas, up to 16384. 0:
        from quality, and fewer where pixels are wide (sps_quality). That depth map has at least 512, 1024, 2048 or 4096
-       by quality, except in small images. Sheets of particles alone have no more. Shadows on polygons have no
+       by quality, except in small images. Without volumes, sheets have no more than that. Shadows on polygons have no
        texels. */
     int shadow_resolution;
-    int no_shadows; /* 1: as no_shadow on every light */
-    /* Edge samples of polygons along each side of a pixel, up to 8; 0 or 1: its centre. N x N samples weight the
-       polygons of a pixel; gas is sampled once. A straight edge's coverage is exact to 1 / 2N. Cost: the whole image is
+    int no_shadows; /* 1: as if every light had no_shadow */
+    /* Edge samples of polygons along each side of a pixel, up to 8; 0 or 1: the centre only. N x N samples weight a
+       pixel's polygons; gas is sampled once. A straight edge's coverage is exact to 1 / 2N. Cost: the whole image is
        rasterised twice at N x N times the pixels; each polygon of a pixel is shaded. */
     int coverage_samples;
-    /* Error of optical depth along any ray that saving samples of smooth gas may cause, 0..1; 0: none. eye_bound and
-       light_bound report the bound reached. Applies to gathered gas without transfer function or emission, with voxels
-       of at least 0.14 pixels. */
+    /* Maximum error of optical depth along any ray from skipping samples of smooth gas, 0..1; 0: skip none. eye_bound
+       and light_bound report the bound reached. Applies to gathered gas without transfer function or emission, with
+       voxels of at least 0.14 pixels. */
     float tolerance;
     sps_scattering scattering; /* 0: SPS_SCATTERING_AUTO */
     /* SPS_SCATTERING_MULTIPLE: cells along the longest side of the gas, up to 256; 0: 24, 48, 64 or 96 by quality.
@@ -703,13 +702,12 @@ typedef struct sps_view {
        0: 0.01. Scattering or emitting gas with polygons is always MULTIPLE. */
     float scattering_tolerance;
     sps_filling filling; /* 0: SPS_FILLING_AUTO */
-    /* Seconds of clock_fn for the whole call, or 0. Chooses quality, slab_thickness, tolerance and
-       scattering_resolution, which must be 0, and `samples` of lights where 0. Takes the least expected error that
-       fits, else the fastest setting, with a message. */
+    /* Limit on the whole call, in clock_fn seconds, or 0. Chooses quality, slab_thickness, tolerance and
+       scattering_resolution, which must be 0, and `samples` of lights where 0. Takes the setting of least expected
+       error that fits, else the fastest, with a message. */
     double budget_seconds;
-    /* Instead of budget_seconds: largest root mean square error of radiance, relative to its mean, or 0. Takes the
-       cheapest setting expected to keep it; UNSUPPORTED if there is none. An estimate, not a guarantee:
-       docs/budget.md. */
+    /* Instead of budget_seconds: maximum RMS error of radiance, relative to its mean, or 0. Takes the cheapest setting
+       expected to keep it; UNSUPPORTED if there is none. An estimate, not a guarantee: docs/budget.md. */
     double budget_error;
     uint32_t end_canary; /* leave 0 */
 } sps_view;
@@ -732,16 +730,16 @@ typedef struct sps_reference_settings {
        is second order in it. */
     double step;
     /* Random paths per pixel, up to 2^20. 0: as in sps_view, with ambient light unshadowed. Then AUTO and MULTIPLE are
-       UNSUPPORTED if gas scatters, or emits or shades light on polygons. So is CONVOLUTION if gas scatters and a light
-       casts shadows. Above 0: multiple scattering in gas and between gas and polygons, whatever the view says; both
-       shadow ambient light. Unbiased; noise falls as the square root. Paths use the mesh's albedo, not shade_fn. */
+       UNSUPPORTED if gas scatters, or lights or shadows polygons. So is CONVOLUTION if gas scatters and a light casts
+       shadows. Above 0: multiple scattering in gas and between gas and polygons, whatever the view says; both shadow
+       ambient light. Unbiased; noise falls as 1 / sqrt(samples). Paths use the mesh's albedo, not shade_fn. */
     int samples;
     uint64_t seed; /* seed of the paths; the same seed gives the same image for any number of workers */
     /* Optional, with 2 samples or more: estimated standard error of radiance, three floats per pixel, laid out as the
        image. Written on SPS_OK only. */
     float *error;
     /* Optional, both or neither, two buffers of three floats per pixel, laid out as the image. They bound singly
-       scattered radiance, for any step; the image is their middle. UNSUPPORTED with `samples`, multiple scattering,
+       scattered radiance, for any step; the image is their midpoint. UNSUPPORTED with `samples`, multiple scattering,
        transfer functions, area lights, projectors, or particles in scattered light. See docs/manual.md, section 11.
        Written on SPS_OK only. */
     float *lower, *upper;
@@ -751,12 +749,12 @@ typedef struct sps_reference_settings {
 /* The setting that a budget chose, with estimates (docs/budget.md); all 0 without a budget. */
 typedef struct sps_budget_report {
     int is_met;          /* 1: a budget is set, and expected to be met */
-    double seconds;      /* the whole call; in sps_render, with the measured time of reading */
+    double seconds;      /* the whole call; sps_render's includes measured reading time */
     double error;        /* expected upper limit, as in sps_view.budget_error */
     sps_quality quality; /* chosen, as in sps_view; slab_thickness 0: from quality */
     double slab_thickness;
     float tolerance;
-    int samples, scattering_resolution; /* 0: no area light with open samples; no multiple scattering */
+    int samples, scattering_resolution; /* 0: no area light with samples 0; no multiple scattering */
 } sps_budget_report;
 
 typedef enum sps_pass {
@@ -765,53 +763,54 @@ typedef enum sps_pass {
     SPS_PASS_EYE_POLYGONS,   /* rasterises triangles for the eye */
     SPS_PASS_LAYERS,         /* lists translucent polygons, and polygons at edges */
     SPS_PASS_TEXTURES,       /* calls shade_fn */
-    SPS_PASS_LIGHT_POLYGONS, /* rasterises depth maps for gas, per shadowing light without penumbrae; counts empties */
+    SPS_PASS_LIGHT_POLYGONS, /* rasterises depth maps for gas, per shadowing light without penumbrae, empty or not */
     SPS_PASS_TRIANGLE_TREE,  /* builds a tree for shadow rays */
     SPS_PASS_SHADOW_RAYS,    /* traces rays from polygons to each shadowing light */
-    SPS_PASS_EYE_SHEETS,     /* fills the eye's sheets, per sweep; twice with forward scattering from behind */
+    SPS_PASS_EYE_SHEETS,     /* fills the eye's sheets, per sweep; twice if backlit, with multiple scattering */
     SPS_PASS_LIGHT_SHEETS,   /* fills the sheets of each shadowing light without a map */
-    SPS_PASS_LIGHT_MAPS,     /* makes the maps and tables of shadowing lights; counts cached tables */
-    SPS_PASS_PENUMBRAE,      /* follows points of area lights through sheets */
+    SPS_PASS_LIGHT_MAPS,     /* makes maps and tables of shadowing lights; runs include cached tables */
+    SPS_PASS_PENUMBRAE,      /* traces sample points of area lights through sheets */
     SPS_PASS_GRADIENT,       /* gradients of surface-shaded volumes */
-    SPS_PASS_SCATTERING,     /* light leaving the sheets */
+    SPS_PASS_SCATTERING,     /* light that sheets scatter towards the eye */
     SPS_PASS_FORWARD,        /* tabulates forward multiple scattering */
     SPS_PASS_SPREADING,      /* convolves light from sheet to sheet, per light */
-    SPS_PASS_CELLS,          /* follows light from cell to cell */
+    SPS_PASS_CELLS,          /* propagates light from cell to cell */
     SPS_PASS_EMISSION,       /* emission of volumes and particles */
     SPS_PASS_AMBIENT,        /* ambient light on gases and surfaces */
-    SPS_PASS_SURFACE_LIGHT,  /* lights on polygons */
+    SPS_PASS_SURFACE_LIGHT,  /* direct light on polygons */
     SPS_PASS_COUNT
 } sps_pass;
 
 typedef struct sps_pass_report {
     int runs;           /* number of times that the pass runs; 0: skipped */
     const char *reason; /* why it runs or is skipped; a static string */
-    size_t bytes;       /* upper bound, without layers of pixels and the lists of maps */
+    size_t bytes;       /* upper bound, excluding pixels' layers and maps' lists */
 } sps_pass_report;
 
 typedef struct sps_plan_report {
     sps_pass_report pass[SPS_PASS_COUNT];
     /* Passes over the slabs: one per light that shades by sheets; without such lights, one per part of the image. */
     int sweep_count;
-    int color_channels;              /* 3, or 1 if every color that plays a part is grey */
-    int sheet_channels;              /* values per pixel and slab of the eye's sheets */
+    int color_channels;              /* 3, or 1 if every color in use is grey */
+    int sheet_channels;              /* values per pixel and slab in the eye's sheets */
     int slab_count;                  /* slabs of the longest sweep */
     int shadow_width, shadow_height; /* texels of the largest shadow buffer */
-    int light_points; /* maximum number of points of a light: 1 without area lights; 0: no light */
-    /* Volumes gathered into the eye's sheets, any light's, and cells or spreading light; and why the first volume is or
-       is not (static strings). Unread volumes count as full boxes, cells as one grid. */
+    int light_points; /* maximum sample points of a light: 1 without area lights; 0: no light */
+    /* Number of volumes gathered into the eye's sheets, any light's, and cells or spreading light; then why the first
+       volume is or is not (static strings). Unread volumes count as full boxes, cells as one grid. */
     int eye_gathered, light_gathered, cells_gathered;
     const char *eye_filling, *light_filling, *cells_filling;
     /* SPS_SCATTERING_AUTO: as in sps_stats_report if volumes are cached, or with polygons; otherwise -1. */
     double scatter_bound;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls; /* exact */
-    uint64_t voxels_read;     /* exact, borders of blocks counted each time */
-    /* Chosen before reading: volumes fill their boxes, AUTO means MULTIPLE. sps_render may choose otherwise. */
+    uint64_t voxels_read;     /* exact, with block borders counted each time */
+    /* Chosen before reading, as if volumes filled their boxes and AUTO meant MULTIPLE. sps_render may choose
+       otherwise. */
     sps_budget_report budget;
-    /* Upper bound of the context's memory during sps_render, with image.depth and what is held. It excludes layers of
-       pixels and texels, and lists of maps, which may be several times as much. Within twice the use if volumes are
-       cached, unless no triangle meets a light's depth map, or scattered light is cached, too. Otherwise volumes
-       count as full boxes. */
+    /* Upper bound on the context's memory during sps_render, with image.depth and cached data. It excludes layers of
+       pixels and texels, and lists of maps, which may be several times as much. At most twice the use if volumes are
+       cached, unless no triangle meets a light's depth map, or scattered light is cached, too. Otherwise volumes count
+       as full boxes. */
     size_t bytes;
 } sps_plan_report;
 
@@ -829,8 +828,8 @@ typedef struct sps_stats_report {
     uint64_t surface_points; /* passed to shade_fn */
     uint64_t layers;         /* translucent polygons of pixels, and polygons at edges with coverage_samples */
     uint64_t shadow_rays;    /* rays from pixels' polygons to lights, including clear ones */
-    uint64_t particles;      /* with a radius and an optical depth */
-    /* Transmittance maps: particles beyond near_depth or far_depth; message_fn is told of these, and of such voxels. */
+    uint64_t particles;      /* particles of non-zero radius and optical depth */
+    /* Transmittance maps: particles outside near_depth..far_depth; message_fn reports these, and such voxels. */
     uint64_t particles_outside;
     uint64_t slabs, slabs_empty; /* over all sweeps */
     /* Footprints: splatted voxels and particles, per tile and chunk of slabs. Fragments: their pixels times slabs
@@ -838,19 +837,19 @@ typedef struct sps_stats_report {
     uint64_t eye_footprints, eye_fragments;
     uint64_t light_footprints, light_fragments;
     uint64_t eye_samples, light_samples; /* samples of gathered volumes */
-    /* Bound of sps_view.tolerance's error on any ray of the eye, and of a light's sheets. */
+    /* Bounds on sps_view.tolerance's error along any ray of the eye, and of a light's sheets. */
     float eye_bound, light_bound;
     uint64_t tables_made, tables_held; /* shadow tables made, and reused from the last call */
     /* Patches of these tables, up to 8 x 8 texels over all depths: made, and reused. */
     uint64_t table_patches_made, table_patches_held;
     /* Cells lit and solved; SPS_SCATTERING_CONVOLUTION: texels of all lights' sheets. 0: cached, or not needed. */
     uint64_t cells;
-    double scatter_bound; /* SPS_SCATTERING_AUTO: bound of multiple relative to single scattering; at most 1e6 */
-    /* Texels times planes times points of lights that cast penumbrae on gas; 0: all light on gas was hard. */
+    double scatter_bound; /* SPS_SCATTERING_AUTO: bound on multiple relative to single scattering; at most 1e6 */
+    /* Texels times planes times points of lights that cast penumbrae on gas; 0: all shadows in gas were hard. */
     uint64_t soft_texels;
     uint64_t pixels_shaded;   /* pixels times slabs that contain something */
     uint64_t tiles_finished;  /* tiles that became opaque before the last slab */
-    sps_budget_report budget; /* as chosen; seconds_total is the time that the call took */
+    sps_budget_report budget; /* as chosen; seconds_total is the actual time */
     uint64_t allocations;
     size_t bytes, bytes_peak; /* now; maximum since sps_create */
 } sps_stats_report;
@@ -862,9 +861,9 @@ typedef struct sps_tmap_light {
     int width, height;     /* texels of the map, or of each of six square faces, 1..16384 each */
     sps_camera camera;     /* copied, with its matrix */
     /* 1: six faces around camera.position, the only member of camera used then. 0: one view; if the light lies amid
-       voxels, points outside its view count as lit, and message_fn is told. */
+       voxels, points outside its view count as lit, with a message. */
     int omnidirectional;
-    sps_quality quality; /* volumes: cut of the kernels, and slabs */
+    sps_quality quality; /* volumes: sets kernel cut-off and slabs */
     double slab_thickness; /* volumes: in voxels, as in sps_view */
     uint32_t end_canary; /* leave 0 */
 } sps_tmap_light;
@@ -877,8 +876,8 @@ typedef struct sps_tmap_info {
     int item_floats;    /* floats per texel in sps_tmap_texels; deep, compressed: per interval or node */
     size_t texel_count; /* all faces; also the length of sps_tmap_surfaces; sps_tmap_starts has one more */
     size_t float_count; /* length of sps_tmap_texels; deep, compressed: 0 before sps_tmap_finish */
-    /* Memory of the map, except up to 32 per allocation. Before sps_tmap_finish, without intervals or nodes, and 4 per
-       texel for surfaces. */
+    /* Memory of the map, except up to 32 per allocation. Before sps_tmap_finish, it excludes intervals, nodes and
+       surfaces (4 per texel). */
     size_t bytes;
     sps_tmap_settings settings; /* resolved: never SPS_TMAP_DEFAULT, actual components; planes belong to the map */
 } sps_tmap_info;
@@ -895,7 +894,7 @@ typedef struct sps_tmap_constants {
     int32_t has_surfaces;        /* 1: sps_tmap_surfaces is not NULL */
     int32_t width, height;       /* texels of a face */
     float near_depth, far_depth; /* u = (distance - near_depth) / (far_depth - near_depth) */
-    /* A surface shades points farther behind it than bias + bias_per_distance * distance. */
+    /* A surface shadows points farther behind it than bias + bias_per_distance * distance. */
     float bias, bias_per_distance;
     int32_t face, face_count;
     int32_t padding_0, padding_1; /* 0 */
@@ -918,24 +917,24 @@ SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why);
 /* Frees the context and its memory. Its maps must have been destroyed before (SPS_ASSERT). NULL is allowed. */
 SPS_API void sps_destroy(sps_context *context);
 
-/* Returns one sentence about the last call on the context if that failed, "" otherwise. Never NULL. Valid until the
-   next call on the context. */
+/* Returns one sentence about the context's last call if it failed, "" otherwise. Never NULL. Valid until the next call
+   on the context. */
 SPS_API const char *sps_error(const sps_context *context);
 
 /* Writes the same error as data. SPS_OK, SPS_OBJECT_NONE and empty strings if the last call succeeded;
    SPS_ERROR_ARGUMENT if context is NULL. */
 SPS_API void sps_get_error(const sps_context *context, sps_error_info *info);
 
-/* Reports the passes of sps_render for this scene and view, and why. Reads particles and calls range_fn, but reads no
-   voxels or triangles. Volumes that are not cached count as full boxes, so UNSUPPORTED (SPS_SHADOW_SHEETS) or too many
-   slabs may occur where sps_render succeeds. `report` is zeroed on failure. Errors: ARGUMENT, MEMORY, CALLBACK
+/* Reports which passes sps_render would run for this scene and view, and why. Reads particles and calls range_fn, but
+   reads no voxels or triangles. Volumes that are not cached count as full boxes, so UNSUPPORTED (SPS_SHADOW_SHEETS) or
+   too many slabs may occur where sps_render succeeds. `report` is zeroed on failure. Errors: ARGUMENT, MEMORY, CALLBACK
    (range_fn, particles' read_fn), DATA (particles), UNSUPPORTED. */
 SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
                             sps_plan_report *report);
 
-/* Renders the view's region into the caller's image, which is written only if SPS_OK is returned. Time is about voxels
-   * footprint pixels * slabs of each for splatted volumes, pixels * slabs in gas for gathered ones. Each shadowing
-   light adds as much, multiple scattering its cells. Any sps_result can occur. */
+/* Renders the view's region into the caller's image, which is written only if SPS_OK is returned. Splatting takes time
+   proportional to voxels * pixels and slabs per footprint; gathering, to pixels * slabs in gas. Each shadowing light
+   adds as much; multiple scattering adds its cells. Any sps_result can occur. */
 SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view,
                               const sps_image *image);
 
@@ -946,22 +945,22 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view,
                                  const sps_reference_settings *settings, const sps_image *image);
 
-/* Reports the work of the last call that renders, plans or makes a map, even if it failed. Footprints splatted into
-   maps are not counted. If context is NULL, all of the report is 0. */
+/* Reports the work of the last call that rendered, planned or made a map, even if it failed. Footprints splatted into
+   maps are not counted. If context is NULL, the report is zeroed. */
 SPS_API void sps_get_stats(const sps_context *context, sps_stats_report *report);
 
 /* Returns a short lower-case name of a pass ("light sheets"), a static string; never NULL. */
 SPS_API const char *sps_pass_name(sps_pass pass);
 
 /* The read_fn and range_fn of a volume whose `user` is an sps_grid. sps_grid_range tests each voxel of the block, and
-   writes 0..1e18 if one is not finite, negative or above 1e18. Threads: see sps_grid. If read_fn is sps_grid_read, the
+   writes 0..1e18 if any is negative, above 1e18 or not finite. Threads: see sps_grid. If read_fn is sps_grid_read, the
    library checks the grid first and returns ARGUMENT; the codes serve callbacks that wrap these functions. Both return
    0, or 1: a field of the grid is wrong (NULL, canary, size, format, scale, offset); 2: the block reaches beyond the
    grid. */
 SPS_API int sps_grid_read(void *grid, const int lo[3], const int size[3], float *out);
 SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float out_min_max[2]);
 
-/* The read_fn of a mesh whose `user` is an sps_indexed_mesh. Missing normals and colors keep their values in `out`.
+/* The read_fn of a mesh whose `user` is an sps_indexed_mesh. Missing normals and albedos keep their values in `out`.
    Threads: see sps_grid. If this is read_fn, the library checks all but the indices first and returns ARGUMENT. Returns
    0, or for callbacks that wrap it 1: a field is wrong (NULL, canary, vertex_count 0, both kinds of indices); 2: too
    few triangles. 3: an index is not below vertex_count; the call fails as CALLBACK. */
@@ -980,16 +979,16 @@ SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *l
 SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene);
 
 /* Reads the occluders and makes the map. Each texel's ray collects chords of particles, kernels cut at slabs
-   perpendicular to the light's axis, and triangles. Time is about occluders * texels under them * components; memory:
-   docs/manual.md, section 12. After a failure the map can only be destroyed. Errors: ARGUMENT (finished already), and
-   all of sps_render's. */
+   perpendicular to the light's axis, and triangles. Time is proportional to occluders * texels under them * components;
+   memory: docs/manual.md, section 12. After a failure the map can only be destroyed. Errors: ARGUMENT (finished
+   already), and all of sps_render's. */
 SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 
-/* Writes the optical depth between the light and each of `count` world positions (packed triples), and exp(-that);
-   either array may be NULL. Gas is interpolated between four texels; surfaces count by the fraction of these that they
-   cover, all four: 1e15 and 0. Outside the map, behind the light, before near_depth and at positions that are not
-   finite: 0 and 1. Callable from many threads; records no error in the context. Errors, which leave both arrays
-   untouched: ARGUMENT (map is NULL or not finished; positions is NULL and count is not 0). */
+/* Writes optical depth and transmittance between the light and each of `count` world positions (packed triples); either
+   array may be NULL. Gas is interpolated between four texels; surfaces count by the fraction of these that they cover
+   (all four: 1e15 and 0). Outside the map, behind the light, before near_depth and at positions that are not finite: 0
+   and 1. Callable from many threads; records no error in the context. Errors, which leave both arrays untouched:
+   ARGUMENT (map is NULL or not finished; positions is NULL and count is not 0). */
 SPS_API sps_result sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *optical_depths,
                                   float *transmittances);
 
@@ -998,32 +997,32 @@ SPS_API sps_result sps_tmap_query(const sps_tmap *map, size_t count, const doubl
 SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, const float *positions, size_t stride,
                                          float *optical_depths, float *transmittances);
 
-/* Writes conservative bounds of the optical depth along the texels' rays, up to round-off. Fourier and depth maps, and
+/* Writes conservative bounds on optical depth along the texels' rays, up to round-off. Fourier and depth maps, and
    compressed ones with components, have none: 0 and 1e15. Kernels count as cut by `quality`, about 1 % of optical depth
    at medium (docs/manual.md, section 12). least or most may be NULL. Threads and errors as for sps_tmap_query. */
 SPS_API sps_result sps_tmap_bounds(const sps_tmap *map, size_t count, const double *positions, float *least,
                                     float *most);
 
 /* Returns the texels to upload, rows from the top, `components` floats each. Deep maps have intervals (u0, u1, optical
-   depth, softness), compressed maps nodes (u, transmittance), texel after texel. Softness is 0 for even density, 1 for
-   a chord densest in the middle, less for its last part around the light. Parts before u = 0 count at 0, parts behind 1
-   at 1. Six faces follow each other, +x -x +y -y +z -z. Columns and rows run along the next two axes, y z, z x or x y.
-   Centres of outermost texels lie on the cube's edges: not a hardware cube map. Valid until sps_tmap_destroy; NULL
-   before sps_tmap_finish. examples/shaders/ samples them as sps_tmap_query does. */
+   depth, softness), compressed maps nodes (u, transmittance), texel after texel. Softness is 0 for uniform density, 1
+   for a soft particle's chord, less if the light lies inside it. Depth before u = 0 counts at 0, beyond 1 at 1. Six
+   faces follow each other, +x -x +y -y +z -z. Columns and rows run along the next two axes, y z, z x or x y. Centres of
+   outermost texels lie on the cube's edges: not a hardware cube map. Valid until sps_tmap_destroy; NULL before
+   sps_tmap_finish. examples/shaders/ samples them as sps_tmap_query does. */
 SPS_API const float *sps_tmap_texels(const sps_tmap *map);
 
-/* Deep and compressed maps: returns the index of each texel's first interval or node, followed by the number of all.
-   Valid as sps_tmap_texels. NULL for other maps. */
+/* Deep and compressed maps: returns the index of each texel's first interval or node, followed by the total. Valid as
+   long as sps_tmap_texels. NULL for other maps. */
 SPS_API const uint32_t *sps_tmap_starts(const sps_tmap *map);
 
-/* Returns u of each texel's first opaque surface: below 0 before near_depth, 1e30 if there is none. Valid as
-   sps_tmap_texels. NULL if the whole map has none. */
+/* Returns u of each texel's first opaque surface: below 0 before near_depth, 1e30 if there is none. Valid as long as
+   sps_tmap_texels. NULL if the map has none. */
 SPS_API const float *sps_tmap_surfaces(const sps_tmap *map);
 
 /* Writes the projection of world points onto a face of the map (0, or 0..5): row-major, (X, Y, D, W) = matrix * (x, y,
-   z, 1). The texel is (X / W, Y / W); whole numbers are texel centres. D is the distance that near_depth counts; W <= 0
-   is behind the light. A surface shades points more than bias[0] + bias[1] * D behind it. matrix or bias may be NULL.
-   Errors, leaving both untouched: ARGUMENT (map is NULL or not finished, or has no such face). */
+   z, 1). The texel is (X / W, Y / W); whole numbers are texel centres. D is distance as in near_depth; W <= 0 is behind
+   the light. A surface shadows points more than bias[0] + bias[1] * D behind it. matrix or bias may be NULL. Errors,
+   leaving both untouched: ARGUMENT (map is NULL or not finished, or has no such face). */
 SPS_API sps_result sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]);
 
 /* Fills the constants for a shader that reads a face of the map (0, or 0..5). Only the rows and `face` depend on the
@@ -1046,7 +1045,7 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_IMPLEMENTED
 
 /* =============================================================================================== >>config
-   1  Macros. All uses of libc are named here. */
+   1  Macros, and the headers of the C library. */
 
 #if defined(__FAST_MATH__) || defined(_M_FP_FAST) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0)
 #ifndef SPS_ALLOW_FAST_MATH
@@ -1082,13 +1081,13 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 /* Compiling cold functions for size saves a quarter of the compile time. */
 #ifdef __GNUC__
 #define SPSI_COLD static __attribute__((cold))
-#define SPSI_NOINLINE static __attribute__((noinline)) /* where compilers would unroll every copy of a loop */
+#define SPSI_NOINLINE static __attribute__((noinline)) /* keeps compilers from unrolling each inlined copy of a loop */
 #else
 #define SPSI_COLD static
 #define SPSI_NOINLINE static
 #endif
 
-/* Clang would write these loops' bodies up to eight times, and no frame would gain by it. GCC does not unroll them. */
+/* Clang would unroll these loops up to eight times, with no gain in any frame. GCC does not unroll them. */
 #ifdef __clang__
 #define SPSI_ROLLED _Pragma("clang loop unroll(disable) vectorize(disable)")
 #else
@@ -1098,37 +1097,37 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_PI       3.14159265358979323846
 #define SPSI_INFINITY ((float)HUGE_VAL)
 
-#define SPSI_SIZE_MAX       16384     /* pixels or texels on a side; 2^28 fit an int */
+#define SPSI_SIZE_MAX       16384     /* pixels or texels on a side; its square fits an int */
 #define SPSI_SLABS_MAX      (1 << 20) /* lookups along rays still resolve 1/16 slab */
 #define SPSI_VOLUMES_MAX    64
 #define SPSI_SETS_MAX       64
 #define SPSI_MATERIALS_MAX  (SPSI_VOLUMES_MAX + SPSI_SETS_MAX)
 #define SPSI_LOBES_MAX      8
 #define SPSI_WORKERS_MAX    1024
-#define SPSI_FACES_MAX      (1 << 29) /* four numbers each still fit an int */
+#define SPSI_FACES_MAX      (1 << 29) /* indices of four items per face still fit an int */
 #define SPSI_PARTICLES_MAX  (1 << 29)
 #define SPSI_VALUE_MAX      1e18f  /* no overflow when multiplied by extinction and length */
 #define SPSI_COORDINATE_MAX 1e15   /* products of squares do not overflow */
 #define SPSI_VALUE_MIN      1e-30f /* smaller values only make denormals */
-#define SPSI_RADIANCE_MAX   1e30f  /* cap of a sheet's emission; keeps sums finite */
-#define SPSI_DEPTH_MAX      1e15f  /* cap of optical depth, also of polygons; exp(-86) is already 0 */
-#define SPSI_LIGHT_END      16.0f  /* optical depth where a light ends, with 1e-7 left */
-#define SPSI_FORWARD_END    64.0f  /* end with forward scattering, >>scattering */
+#define SPSI_RADIANCE_MAX   1e30f  /* cap on a sheet's emission; keeps sums finite */
+#define SPSI_DEPTH_MAX      1e15f  /* cap on optical depth, also of polygons; exp(-86) is already 0 */
+#define SPSI_LIGHT_END      16.0f  /* optical depth at which light is cut off, with 1e-7 left */
+#define SPSI_FORWARD_END    64.0f  /* cut-off with forward scattering, >>scattering */
 #define SPSI_POINTS_MAX     256    /* per area light */
 #define SPSI_IMAGE_SIZE_MAX 4096   /* projected texture */
 
-#define SPSI_TILE_WIDTH  64 /* pixels; a tile's sheets fit the level-2 cache, measured best on 512 KiB */
+#define SPSI_TILE_WIDTH  64 /* pixels; a tile's sheets fit the L2 cache; fastest with 512 KiB */
 #define SPSI_TILE_HEIGHT 64
 #define SPSI_PATCH       8  /* pixels on a side; a tile has 8 x 8, one bit each in a uint64_t */
-#define SPSI_CHUNK       16 /* slabs splatted per visit of a voxel */
-#define SPSI_BRICK       8  /* voxels on a side, unit of binning */
+#define SPSI_CHUNK       16 /* slabs splatted per visit to a voxel */
+#define SPSI_BRICK       8  /* voxels on a side; unit of binning */
 #define SPSI_BRICK_BITS  3
-#define SPSI_BLOCK       32 /* voxels on a side, unit of reading */
-#define SPSI_MARGIN      3  /* apron of a block, to decide which voxels a transfer function shows */
+#define SPSI_BLOCK       32 /* voxels on a side; unit of reading */
+#define SPSI_MARGIN      3  /* voxels around a block, to find which ones a transfer function shows */
 
 /* ================================================================================================= >>simd
-   2  Float vectors (spsi_v) and masks (spsi_m) of SPSI_LANES lanes. Only this section names instruction sets. Lanes are
-   never summed: results depend on the width by rounding only. */
+   2  Float vectors (spsi_v) and masks (spsi_m) of SPSI_LANES lanes. Only this section names instruction sets. Results
+   depend on the width only through rounding. */
 
 #if !defined(SPS_NO_SIMD) && defined(__AVX512F__)
 #define SPSI_SIMD_AVX512
@@ -1310,7 +1309,7 @@ static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return a < b; }
 static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return a & b; }
 static inline int spsi_bits(spsi_m m) { return m; }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return m ? a : b; }
-static inline void spsi_store_int(int *p, spsi_v a) { *p = (int)a; } /* only for whole numbers */
+static inline void spsi_store_int(int *p, spsi_v a) { *p = (int)a; } /* exact for whole numbers only */
 static inline spsi_v spsi_iota(void) { return 0; }
 static inline void spsi_fours(const float *table, const int *at, spsi_v four[4]) {
     memcpy(four, table + 4 * (ptrdiff_t)*at, 4 * sizeof *four);
@@ -1332,8 +1331,8 @@ static inline void spsi_fours(const float *table, const int *at, spsi_v four[4])
 }
 #endif
 
-/* gcc 12 sometimes omits this before calls, after copying a struct through a wide register. SSE functions such as fmin
-   then take tens of times as long on some processors. */
+/* gcc 12 sometimes omits vzeroupper before calls, after copying a struct through a wide register. SSE functions such as
+   fmin then run tens of times slower on some processors. */
 #if defined(SPSI_SIMD_AVX512) || defined(SPSI_SIMD_AVX2)
 static inline void spsi_zero_upper(void) { _mm256_zeroupper(); }
 #else
@@ -1341,7 +1340,7 @@ static inline void spsi_zero_upper(void) {}
 #endif
 
 #ifndef SPSI_HAS_FIRST
-/* Other lanes are 0; `count` may exceed SPSI_LANES. */
+/* Lanes from `count` on are 0; `count` may exceed SPSI_LANES. */
 static inline spsi_v spsi_load_first(const float *p, int count) {
     float lanes[SPSI_LANES] = {0};
     if (count >= SPSI_LANES) return spsi_load(p);
@@ -1520,7 +1519,7 @@ static inline void spsi_lookup_quad(const float *grid, int stride, spsi_v x, sps
     quad[3] = spsi_lookup(grid + stride + 1, stride, x, y);
 }
 
-/* Prefetches for reading. Keep it short: compilers drop longer functions without effect. */
+/* Prefetches for reading. Keep it short: compilers discard longer functions without side effects. */
 static inline void spsi_prefetch(const void *data, size_t size) {
 #if defined(__GNUC__)
     for (size_t i = 0; i < size; i += 64) __builtin_prefetch((const char *)data + i);
@@ -1550,7 +1549,7 @@ static inline spsi_v spsi_dot_v(const spsi_v a[3], const spsi_v b[3]) {
     return spsi_fma(a[0], b[0], spsi_fma(a[1], b[1], spsi_mul(a[2], b[2])));
 }
 
-/* Clamped to the edge. */
+/* Coordinates are clamped to the edge. */
 static inline spsi_v spsi_bilinear(const float *grid, int width, int height, spsi_v x, spsi_v y) {
     const spsi_v cx = spsi_clamp(x, spsi_set(0), spsi_set((float)(width - 1)));
     const spsi_v cy = spsi_clamp(y, spsi_set(0), spsi_set((float)(height - 1)));
@@ -1562,7 +1561,7 @@ static inline spsi_v spsi_bilinear(const float *grid, int width, int height, sps
     return spsi_mix(spsi_mix(quad[0], quad[1], fx), spsi_mix(quad[2], quad[3], fx), fy);
 }
 
-/* e^x, relative error 2e-7 for -86 < x < 88; 0 below, without denormals. x = n ln 2 + r. */
+/* e^x, relative error 2e-7 for -86 < x < 88; 0 below, so no denormals. x = n ln 2 + r. */
 static inline spsi_v spsi_exp(spsi_v x) {
     const spsi_v inside = spsi_clamp(x, spsi_set(-87.0f), spsi_set(88.0f));
     const spsi_v n = spsi_round(spsi_mul(inside, spsi_set(1.44269504f)));
@@ -1577,22 +1576,22 @@ static inline spsi_v spsi_exp(spsi_v x) {
 }
 
 /* ================================================================================================ >>maths
-   3  Double-precision vectors and matrices, for placement relative to the camera or first slab before conversion to
-   floats. */
+   3  Double-precision vectors and matrices. They place things relative to the camera or first slab, before conversion
+   to floats. */
 
 /* Three-point Gauss quadrature on 0..1: 1/2 +- sqrt(3/20), exact to degree 5. */
 static const double spsi_gauss_places[3] = {0.11270166537925831, 0.5, 0.88729833462074169};
 static const double spsi_gauss_weights[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
 
-/* Inlined, NaN included: gcc's library calls take a quarter of the time of first flights. */
+/* fmax and fmin inlined, NaN handling included: library calls would take a quarter of first flights' time. */
 static inline double spsi_dmax(double a, double b) { return a > b || b != b ? a : b; }
 static inline double spsi_dmin(double a, double b) { return a < b || b != b ? a : b; }
 
 static double spsi_dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 static double spsi_length(const double a[3]) { return sqrt(spsi_dot(a, a)); }
 
-/* a b + c with identical bits everywhere, since compilers may fuse only some. Without hardware fma, the product is
-   stored first. */
+/* a b + c with identical bits at each use; compilers may fuse only some. Without hardware fma, the product is stored
+   first. */
 static inline double spsi_multiply_add(double a, double b, double c) {
 #if defined(FP_FAST_FMA) || defined(__FMA__) || defined(__ARM_FEATURE_FMA)
     return fma(a, b, c);
@@ -1602,8 +1601,8 @@ static inline double spsi_multiply_add(double a, double b, double c) {
 #endif
 }
 
-/* Exact sign of a b - c d: rounding is monotonic, so rounded products that differ are in order. Otherwise fma gives
-   their exact errors. */
+/* Exact sign of a b - c d: rounding is monotonic, so rounded products that differ are in the right order. Otherwise fma
+   gives their exact errors. */
 static int spsi_sign_of_difference(double a, double b, double c, double d) {
     const volatile double first = a * b, second = c * d;
     double p = first, q = second;
@@ -1624,7 +1623,7 @@ static void spsi_along(const double a[3], const double b[3], double t, double ou
     for (int i = 0; i < 3; ++i) out[i] = a[i] + t * b[i];
 }
 
-/* No overflow or underflow. Returns 0, with a unchanged, if it has no direction. */
+/* Avoids overflow and underflow. Returns 0, with a unchanged, if it has no direction. */
 static int spsi_normalise(double a[3]) {
     const double square = spsi_dot(a, a);
     double largest, length;
@@ -1634,7 +1633,7 @@ static int spsi_normalise(double a[3]) {
         return 1;
     }
     largest = spsi_dmax(fabs(a[0]), spsi_dmax(fabs(a[1]), fabs(a[2])));
-    if (!(largest > 0) || !(largest <= DBL_MAX) || !(spsi_dot(a, a) >= 0)) return 0; /* fmax ignores NaN */
+    if (!(largest > 0) || !(largest <= DBL_MAX) || !(spsi_dot(a, a) >= 0)) return 0; /* spsi_dmax ignores NaN */
     for (int i = 0; i < 3; ++i) a[i] /= largest;
     length = spsi_length(a);
     for (int i = 0; i < 3; ++i) a[i] /= length;
@@ -1685,7 +1684,7 @@ static const float *spsi_bad_color(const float c[3], float most) {
 
 static int spsi_black(const float c[3]) { return !(c[0] > 0) && !(c[1] > 0) && !(c[2] > 0); }
 static int spsi_grey(const float c[3]) { return !(c[0] < c[1] || c[0] > c[1] || c[1] < c[2] || c[1] > c[2]); }
-/* b if a is NaN. */
+/* Returns b if a is NaN. */
 static inline float spsi_fmin(float a, float b) { return a < b ? a : b; }
 static inline float spsi_fmax(float a, float b) { return a > b ? a : b; }
 static int spsi_imin(int a, int b) { return a < b ? a : b; }
@@ -1709,7 +1708,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_LIGHTS,
     SPSI_BUFFER_LIGHT_POINTS, /* sample points of area lights */
     SPSI_BUFFER_IMAGES,       /* >>projectors */
-    SPSI_BUFFER_BLOCKS,       /* voxels, >>gather, or triangles, >>polygons, being read */
+    SPSI_BUFFER_BLOCKS,       /* voxels (>>gather) or triangles (>>polygons) being read */
     SPSI_BUFFER_BRICKS,
     SPSI_BUFFER_SEGMENTS,
     SPSI_BUFFER_PYRAMIDS, /* >>sampler */
@@ -1719,8 +1718,8 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_LEVEL_GRIDS, /* coarser mip levels */
     SPSI_BUFFER_LEVEL_STORED,
     SPSI_BUFFER_LEVEL_VALUES,
-    SPSI_BUFFER_THIRDS,    /* bounds of third differences, >>sampler */
-    SPSI_BUFFER_EYE_SPENT, /* used tolerance, >>targets */
+    SPSI_BUFFER_THIRDS,    /* bounds on third differences, >>sampler */
+    SPSI_BUFFER_EYE_SPENT, /* tolerance used so far, >>targets */
     SPSI_BUFFER_LIGHT_SPENT,
     SPSI_BUFFER_FACES, /* >>polygons */
     SPSI_BUFFER_FACE_ROWS,
@@ -1737,7 +1736,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_SURFACES, /* shade_fn's results */
     SPSI_BUFFER_SURFACE_BATCH,
     SPSI_BUFFER_SHADOWS,       /* >>shading */
-    SPSI_BUFFER_ARRIVALS,      /* incident light, per worker */
+    SPSI_BUFFER_ARRIVALS,      /* incident light per worker */
     SPSI_BUFFER_SURFACE_LIGHT, /* visibility of lights */
     SPSI_BUFFER_RECEIVED,      /* indirect light at pixels */
     SPSI_BUFFER_RECEIVE_TILES,
@@ -1802,7 +1801,7 @@ typedef struct spsi_buffer {
 /* Header of each allocation. The context lists them all, so none leaks if a callback jumps out. */
 typedef struct spsi_link {
     struct spsi_link *next, **from; /* from: the pointer to this link */
-    size_t bytes;                   /* with this header */
+    size_t bytes;                   /* including this header */
 } spsi_link;
 
 #define SPSI_FIELD_SIZE    sizeof(((sps_error_info *)0)->field)
@@ -1820,7 +1819,7 @@ typedef enum spsi_stage {
     SPSI_STAGE_PYRAMIDS, /* mip pyramids, for gathering */
     SPSI_STAGE_SURFACES, /* polygons and their shadow rays */
     SPSI_STAGE_LIGHT,
-    SPSI_STAGE_CELLS,  /* solving cells, or spreading */
+    SPSI_STAGE_CELLS,  /* solving cells, or spreading light */
     SPSI_STAGE_CACHED, /* cells with cached light */
     SPSI_STAGE_EYE,
     SPSI_STAGE_REST,
@@ -1835,12 +1834,12 @@ typedef struct spsi_work {
 typedef struct spsi_rates {
     double rates[SPSI_STAGE_COUNT][SPSI_PRESETS]; /* seconds per unit; 0: unknown */
     int splats[SPSI_PRESETS];                     /* 1: rates are for splatted thick slabs only */
-    const spsi_setting *only;                     /* if set, the only choice */
+    const spsi_setting *only;                     /* if set, the only setting allowed */
     int counts;                                   /* 1: work and setting are known */
     spsi_setting setting;
     spsi_work work;
-    double seconds_pyramids; /* time of this frame for pyramids */
-    uint64_t scattered;    /* hash of cached multiple scattering made with a budget */
+    double seconds_pyramids; /* spent on pyramids in this frame */
+    uint64_t scattered;    /* hash of cached multiple scattering made under a budget */
     spsi_setting scattered_by;
 } spsi_rates;
 
@@ -1855,18 +1854,18 @@ struct sps_context {
     sps_error_info error;
     float progress;
     int tmap_count;     /* maps not yet destroyed */
-    int within;         /* 1: in a call, or a callback jumped out of one; 2: a call was refused for that */
-    int cancelled;      /* progress_fn returned non-zero; acts at the next spsi_progress */
+    int within;         /* 1: in a call, or a callback jumped out of one; 2: a call was refused because of that */
+    int cancelled;      /* progress_fn returned non-zero; takes effect at the next spsi_progress */
     double clock_start; /* start of the call, by clock_fn */
     double ticked;      /* last call of progress_fn, by clock_fn or SPS_CLOCK */
     size_t *counted;    /* if set, spsi_reserve only adds bytes to it, for a plan */
     size_t planned[SPSI_BUFFER_COUNT]; /* bytes counted so far */
-    spsi_link *links; /* latest first */
+    spsi_link *links; /* all allocations, latest first */
     spsi_buffer buffers[SPSI_BUFFER_COUNT];
-    int segment_count; /* cached, >>gather */
+    int segment_count; /* cached segments, >>gather */
     uint64_t gathered; /* hash of volumes with cached voxels; 0: none */
     int brick_count;
-    int pyramids_cached; /* spsi_pyramids_wanted when cached */
+    int pyramids_cached; /* spsi_pyramids_wanted at the time of caching; 0: none */
     uint64_t voxel_count;
     uint64_t faces_held; /* hash of meshes with cached triangles; 0: none */
     int face_count;
@@ -1875,7 +1874,7 @@ struct sps_context {
     int cell_tmap_count;     /* kept for this call's sweeps, >>lighting */
     uint64_t cells_cached;   /* hash of the input of cached multiple scattering; 0: none */
     spsi_rates pace;         /* >>budget */
-    spsi_bounds mesh_bounds; /* cached triangles */
+    spsi_bounds mesh_bounds; /* bounds of cached triangles */
 };
 
 SPSI_COLD void spsi_leading_member(const char *phrase, char member[SPSI_FIELD_SIZE]) {
@@ -1954,14 +1953,14 @@ static sps_result spsi_check_rgb(sps_context *context, sps_result result, sps_ob
     return bad ? spsi_fail_field(context, result, object, index, field, (double)*bad, rule) : context->result;
 }
 
-/* No value is valid if high < low. */
+/* Range check of a field; if high < low, every value fails. */
 typedef struct spsi_bounded {
     const char *field;
     double value, low, high;
     const char *rule;
 } spsi_bounded;
 
-/* prefix: start of field names, "" or "grid.". */
+/* Object being checked. prefix: start of field names, "" or "grid.". */
 typedef struct spsi_subject {
     sps_context *context;
     sps_object object;
@@ -2045,7 +2044,7 @@ SPSI_COLD void spsi_release(sps_context *context, void *data) {
     spsi_free(context, link, link->bytes);
 }
 
-/* Allocates all memory but the context. Overflow, limit and failure are one error and return NULL. */
+/* Allocates all memory but the context. Overflow, memory_limit and failure are the same error and return NULL. */
 SPSI_COLD void *spsi_acquire(sps_context *context, size_t count, size_t size) {
     const size_t limit = context->config.memory_limit, bytes = count * size + SPSI_LINK_BYTES;
     spsi_link *link = NULL;
@@ -2080,7 +2079,7 @@ static double spsi_clock(const sps_context *context) {
 
 #define SPSI_TICK_SECONDS 0.01
 
-/* Calls progress_fn if SPSI_TICK_SECONDS have passed, the clock jumped, or there is none. */
+/* Calls progress_fn if it is due, SPSI_TICK_SECONDS have passed, or the clock jumped or is missing. */
 static void spsi_tick(sps_context *context, int due) {
     double now = 0;
     if (!context->config.progress_fn || context->cancelled) return;
@@ -2090,7 +2089,7 @@ static void spsi_tick(sps_context *context, int due) {
     context->ticked = now;
 }
 
-/* Progress within a long task. Not with parallel_for_fn, which may run tasks on any thread. */
+/* Reports progress within a long task. Not with parallel_for_fn, which may run tasks on any thread. */
 static void spsi_task_tick(sps_context *context) {
     if (!context->config.parallel_for_fn) spsi_tick(context, 0);
 }
@@ -2149,7 +2148,7 @@ SPSI_COLD void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t cou
     return NULL;
 }
 
-/* Takes floats of a memory block; without memory, only counts them. */
+/* Carves floats out of a memory block; if `memory` is NULL, only counts them. */
 static float *spsi_lay(float *memory, uint64_t *laid, uint64_t floats) {
     float *own = memory ? memory + *laid : NULL;
     *laid += floats;
@@ -2166,7 +2165,7 @@ SPSI_COLD int spsi_worker_count(const sps_context *context) {
 }
 
 #define SPSI_GROUP_TASKS 1024
-#define SPSI_TICK_TASKS  4 /* per worker, without a clock; fewer leave more idle */
+#define SPSI_TICK_TASKS  4 /* per worker, without a clock; fewer leave more workers idle */
 
 static void spsi_task_run(sps_task_fn task, void *data, int index, int worker) {
     spsi_zero_upper();
@@ -2174,14 +2173,14 @@ static void spsi_task_run(sps_task_fn task, void *data, int index, int worker) {
     spsi_zero_upper();
 }
 
-/* A task past the deadline waits for the next round, so workers synchronise only when progress_fn is due. Doing so
+/* A task past the deadline waits for the next round, so workers synchronise only when progress_fn is due. Synchronising
    every few tasks took a sixth of a frame. */
 typedef struct spsi_task_group {
     const sps_context *context;
     sps_task_fn task;
     void *data;
     int first, count;
-    double deadline; /* clock_fn; infinity: none */
+    double deadline; /* clock_fn time; infinity: none */
     unsigned char done[SPSI_GROUP_TASKS];
 } spsi_task_group;
 
@@ -2194,7 +2193,7 @@ static void spsi_group_task(void *data, int index, int worker) {
 }
 
 /* Runs rounds with progress in between. If a clock jump leaves a round idle, the next is the last, without deadline.
-   Tasks that parallel_for_fn left out run here. */
+   Tasks that parallel_for_fn omitted run here. */
 static void spsi_group_run(sps_context *context, spsi_task_group *group) {
     const int timed = context->config.progress_fn && context->config.clock_fn;
     int left = group->count, stuck = 0;
@@ -2232,7 +2231,7 @@ static void spsi_parallel(sps_context *context, int count, sps_task_fn task, voi
     }
 }
 
-/* Part of a call: start and length, as fractions of the call. */
+/* Stage of a call: start and length, as fractions of the call. */
 typedef struct spsi_call_stage {
     double progress, share;
 } spsi_call_stage;
@@ -2245,7 +2244,7 @@ SPSI_COLD double spsi_call_stage_done(const spsi_call_stage *part, double fracti
 #define SPSI_PROGRESS_TMAP   0.3
 #define SPSI_PROGRESS_CELLS  0.2
 
-#define SPSI_BATCH 256 /* hides the overhead of small items */
+#define SPSI_BATCH 256 /* small items per task, to hide its overhead */
 
 typedef void (*spsi_item_fn)(void *data, int item);
 
@@ -2284,7 +2283,7 @@ SPSI_COLD sps_result spsi_progress(sps_context *context, double fraction) {
     return context->cancelled ? spsi_fail(context, SPS_ERROR_CANCELLED, "cancelled by progress_fn") : SPS_OK;
 }
 
-/* 64-bit FNV-1a hash, detects unchanged input. [Fowler, Noll, Vo] */
+/* 64-bit FNV-1a hash, to detect unchanged input. [Fowler, Noll, Vo] */
 #define SPSI_FINGERPRINT_START UINT64_C(14695981039346656037)
 
 static uint64_t spsi_fingerprint(uint64_t hash, const void *data, size_t size) {
@@ -2293,7 +2292,7 @@ static uint64_t spsi_fingerprint(uint64_t hash, const void *data, size_t size) {
     return hash;
 }
 
-/* Hashes 64 bits at once, several times as fast. Carries only move up, so the upper half is folded down. */
+/* Hashes 64 bits at once, several times faster. Carries only move up, so the upper half is folded down. */
 static inline uint64_t spsi_fingerprint_word(uint64_t hash, uint64_t word) {
     hash = (hash ^ word) * UINT64_C(0x9e3779b97f4a7c15);
     return hash ^ hash >> 32;
@@ -2303,14 +2302,14 @@ static inline uint64_t spsi_fingerprint_word(uint64_t hash, uint64_t word) {
    5  The voxel kernel: a Gaussian of SPSI_SIGMA voxels, cut at SPSI_CUT standard deviations or less. Closed forms for
    light in a sheet. */
 
-#define SPSI_SIGMA       0.65 /* voxels; a lattice is constant to 0.05 % */
+#define SPSI_SIGMA       0.65 /* voxels; a lattice of kernels sums to a constant within 0.05 % */
 #define SPSI_REACH       2.5  /* voxels */
 #define SPSI_CUT         (SPSI_REACH / SPSI_SIGMA)
 #define SPSI_PIXEL_SIGMA 0.5 /* minimum footprint in pixels: the pixel filter */
 
 /* Fraction of a kernel's line integral before a plane; v = distance / (SPSI_CUT * standard deviation). Fitted to the
-   cut Gaussian within 2e-4. The derivative (1 - v^2)^2 (..) keeps sheets non-negative but for rounding, 4e-7. Fractions
-   of all slabs sum to 1. */
+   cut Gaussian within 2e-4. Its derivative, (1 - v^2)^2 (..), keeps sheets non-negative up to round-off, 4e-7. The
+   fractions in all slabs sum to 1. */
 static inline spsi_v spsi_kernel_fraction(spsi_v v) {
     const spsi_v x = spsi_clamp(v, spsi_set(-1), spsi_set(1)), x2 = spsi_mul(x, x);
     spsi_v p = spsi_set(0.915625417f);
@@ -2355,8 +2354,8 @@ static inline spsi_v spsi_coverage(spsi_v depth) {
     return spsi_select(spsi_less(depth, spsi_set(0.25f)), spsi_mul(depth, spsi_mean_transmittance(zero, depth)), dense);
 }
 
-/* Mean position of visible emission within optical depth d, as a fraction of length: 1/d - 1/(exp(d) - 1). Series for d
-   < 0.5: error 1e-7. */
+/* Mean position of the visible emission of a segment of optical depth d, as a fraction of its length: 1/d - 1/(exp(d) -
+   1). Series for d < 0.5: error 1e-7. */
 static inline spsi_v spsi_mean_length(spsi_v d) {
     const spsi_v square = spsi_mul(d, d), most = spsi_max(d, spsi_set(0.5f));
     const spsi_v left = spsi_exp(spsi_sub(spsi_set(0), most));
@@ -2435,7 +2434,7 @@ static void spsi_ray_point(const spsi_rays *rays, double x, double y, double t, 
     spsi_along(point, rays->b, y, point);
 }
 
-/* Pixels step by `pitch`, at t = 1 in perspective. */
+/* Pixels are `pitch` apart, at t = 1 in perspective. */
 SPSI_COLD void spsi_rays_aim(spsi_rays *rays, const double eye[3], const double right[3], const double down[3],
                              const double forward[3], double pitch_x, double pitch_y) {
     const double x = -0.5 * (rays->width - 1) * pitch_x, y = -0.5 * (rays->height - 1) * pitch_y;
@@ -2450,7 +2449,7 @@ SPSI_COLD void spsi_rays_aim(spsi_rays *rays, const double eye[3], const double 
     spsi_along(corner, down, y, corner);
 }
 
-/* Unit vectors right and down when facing `forward`; arbitrary if `up` is zero or parallel. */
+/* Unit vectors right and down when facing `forward`; arbitrary if `up` is zero or parallel to it. */
 SPSI_COLD void spsi_axes_across(const double forward[3], const double up[3], double right[3], double down[3]) {
     spsi_cross(forward, up, right);
     if (!(spsi_length(right) > 1e-6 * spsi_length(up)) || !spsi_normalise(right)) spsi_basis(forward, right, down);
@@ -2485,7 +2484,7 @@ SPSI_COLD void spsi_rays_shift(const spsi_rays *rays, double x, double y, spsi_r
     spsi_along(rays->inverse[1], rays->inverse[2], -y, shifted->inverse[1]);
 }
 
-/* Splits pixels into n x n rays. */
+/* Splits each pixel into n x n rays. */
 SPSI_COLD int spsi_rays_split(const spsi_rays *rays, int n, spsi_rays *fine) {
     spsi_rays_shift(rays, 0.5 / n - 0.5, 0.5 / n - 0.5, fine);
     fine->width *= n;
@@ -2530,7 +2529,7 @@ SPSI_COLD int spsi_rays_of_cube_face(const double position[3], int face, int siz
 
 /* Rays from rows 0, 1 and 3 of a world-to-clip matrix; perspective ignores row 2, the depth convention. Rays lie in
    planes (r0 - X r3) p = 0, (r1 - Y r3) p = 0; directions are linear in X, Y. Orthographic rays start at clip depth -1,
-   unless over 1e12 pixels away, which loses precision. A near plane at 0 also gives positive distances. */
+   unless over 1e12 pixels away, which loses precision. A near plane at clip depth 0 gives positive distances, too. */
 SPSI_COLD int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
     const double *r0 = m, *r1 = m + 4, *r3 = m + 12;
     const double dx = 2.0 / rays->width, dy = -2.0 / rays->height, x0 = -1 + 0.5 * dx, y0 = 1 + 0.5 * dy;
@@ -2566,8 +2565,8 @@ SPSI_COLD int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
     return spsi_rays_complete(rays);
 }
 
-/* Signs of a camera matrix, 0..3. 1: depth depends on w: row 2 is parallel to row 3, or 0 (infinite reversed depth). 2:
-   w is in world units: row 3 has length 1 or is 0 0 0 1. */
+/* Evidence that m is a camera matrix, 0..3. 1: depth depends on w: row 2 is parallel to row 3, or 0 (infinite reversed
+   depth). 2: w is in world units: row 3 has length 1 or is 0 0 0 1. */
 static int spsi_camera_signs(const double m[16]) {
     const double *depth = m + 8, *w = m + 12, sideways = spsi_length(m) + spsi_length(m + 4);
     const double size = spsi_length(depth), unit = spsi_length(w);
@@ -2668,13 +2667,13 @@ static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) 
 
 typedef struct spsi_table {
     float entry[SPSI_TABLE_SIZE + 1][4]; /* red, green, blue, extinction */
-    float last_clear;                    /* last before the first with extinction */
+    float last_clear;                    /* index of the last entry before the first with extinction */
 } spsi_table;
 
 #define SPSI_FORWARD_SIZE   32
 #define SPSI_FORWARD_LEVELS 9
 
-/* Multiple forward scattering by optical depth and angle (rows), >>scattering. */
+/* Forward multiple scattering by optical depth (columns) and angle (rows), >>scattering. */
 typedef struct spsi_forward {
     int level_count; /* gas: 1, or 3 for colored albedo; classified: all, by albedo */
     float level[SPSI_FORWARD_LEVELS][SPSI_FORWARD_SIZE * SPSI_FORWARD_SIZE];
@@ -2686,10 +2685,10 @@ typedef struct spsi_material {
     sps_lobe lobes[SPSI_LOBES_MAX]; /* weights sum to 1 */
     int lobe_count;
     spsi_table *table; /* NULL: gas */
-    float table_scale; /* entries per value */
+    float table_scale; /* entries per unit of value */
     sps_shading shading;
-    float gradient_scale; /* per change of value per voxel */
-    float voxel_length;   /* world; cube root of a voxel's volume */
+    float gradient_scale; /* 1 / gradient_full */
+    float voxel_length;   /* world units; cube root of a voxel's volume */
     int medium;
     float specular, shininess;
     int scatters, emits, extinguishes;
@@ -2719,15 +2718,15 @@ static double spsi_phase_moment(const spsi_material *material, int l) {
 }
 
 /* Angular orders between cells, >>cells: 1 if scattering is isotropic or absent, 2 for weak lobes, else 4. Two turn a
-   lobe of asymmetry 0.5 into 1 + cosine, without backscattering. With a light behind it, an eye at the rim would miss
-   17 % at 0.49, 2 % at 0.2. */
+   lobe of asymmetry 0.5 into 1 + cosine, without backscattering. An eye at the rim, with the light behind it, would
+   miss 17 % at 0.49, 2 % at 0.2. */
 SPSI_COLD int spsi_phase_orders(const spsi_material *material) {
     const double second = spsi_phase_moment(material, 2);
     if (!material->scatters || (second == 0 && spsi_phase_moment(material, 1) == 0)) return 1;
     return second > 0.05 ? 4 : 2;
 }
 
-/* Fraction in the forward peak: the first moment that is not followed. The others, rescaled, must not exceed 1 in
+/* Fraction in the forward peak: the first moment beyond the orders. Those below, rescaled, must not exceed 1 in
    magnitude, or energy would grow; sharp backward lobes have almost no peak. */
 SPSI_COLD double spsi_phase_peak(const spsi_material *material, int orders) {
     double peak = orders > 1 ? spsi_phase_moment(material, orders) : 0;
@@ -2866,7 +2865,7 @@ static int spsi_transfer_shows(const spsi_material *material, float high) {
 
 /* ======================================================================================== >>transmittance
    8  Optical depth along a ray (u = 0 to 1) of a transmittance map, by technique. Intervals are uniform or have a
-   particle's density 1 - s^2. Their sum is a curve of lines and jumps, exact only in lists.
+   soft particle's density 1 - s^2. They add up to a curve with jumps, which only lists keep exactly.
 
    Sums take intervals in any order, a vector of texels at a time.
        opacity planes, deep opacity planes    [Kim & Neumann 2001; Yuksel & Keyser 2008; cubics: Steffen 1990].
@@ -2875,14 +2874,14 @@ static int spsi_transfer_shows(const spsi_material *material, float high) {
    Lists need a ray's whole curve.
        straight lines of T within epsilon     [Lokovic & Veach 2000], thinned by least area [Salvi et al. 2010].
 
-   Insertion costs the planes crossed, or all components; lists n log n. T is transmittance, exp(-optical depth). */
+   Inserting costs the planes crossed, or all components; lists, n log n. T is transmittance, exp(-optical depth). */
 
 #define SPSI_TMAP_COMPONENTS 65     /* per texel */
-#define SPSI_SOFT_MOST       256    /* pieces between two ends of intervals, where one is soft */
+#define SPSI_SOFT_MOST       256    /* pieces between two ends of intervals, if any is soft */
 #define SPSI_SOFT_EPSILON    0.001f /* minimum error with soft intervals */
 
 /* Interval u0..u1 of a ray: uniform (soft 0), or density 1 - s^2, s = -1 to 1 (soft 1). With the light inside a
-   particle, only the last `soft` of the chord. Ends may exceed 0..1; depth beyond counts at 0 or 1. */
+   particle, it is the chord's last fraction `soft`. Ends may exceed 0..1; depth outside counts at 0 or 1. */
 typedef struct spsi_interval {
     float u0, u1, depth, soft;
 } spsi_interval;
@@ -2894,15 +2893,15 @@ typedef struct spsi_intervals {
 } spsi_intervals;
 
 /* Node of a curve of optical depth or transmittance. Linear between nodes, unattenuated before, constant after. Two
-   nodes at one u are a jump (thin sheet, opaque surface), complete at u. */
+   nodes at one u are a jump (thin sheet, opaque surface), included at u. */
 typedef struct spsi_node {
     float u, value;
 } spsi_node;
 
-/* A texel's components behind its range, or its list. */
+/* A texel's components after its range, or its list. */
 typedef struct spsi_texel {
     const void *data;
-    uint32_t count; /* of items in a list */
+    uint32_t count; /* items in a list */
 } spsi_texel;
 
 typedef struct spsi_technique {
@@ -2916,9 +2915,9 @@ typedef struct spsi_technique {
     int range;
     /* Adds intervals to component k at sums + k * stride. */
     void (*insert)(const sps_tmap_settings *settings, float *sums, size_t stride, const spsi_intervals *intervals);
-    /* Converts sums to stored components; NULL: identical. */
+    /* Converts sums to stored components; NULL: identity. */
     void (*finish)(const sps_tmap_settings *settings, float *texel);
-    /* Optical depths before rising u in 0..1. */
+    /* Optical depths before each of `count` rising u in 0..1. */
     void (*depths)(const sps_tmap_settings *settings, const spsi_texel *texel, int count, const float *u,
                    float *depths);
     /* Guaranteed bounds; NULL: 0 .. SPSI_DEPTH_MAX. */
@@ -2941,7 +2940,7 @@ static inline float spsi_interval_fraction(const spsi_interval *interval, float 
 static void spsi_deep_depths(const sps_tmap_settings *settings, const spsi_texel *texel, int count, const float *u,
                              float *depths) {
     const spsi_interval *list = (const spsi_interval *)texel->data;
-    uint32_t first = 0; /* intervals before lie wholly before u */
+    uint32_t first = 0; /* earlier intervals lie wholly before u */
     double before = 0;
     SPSI_ROLLED for (int k = 0; k < count; ++k) {
         SPSI_ROLLED for (; first < texel->count && (list[first].u1 <= u[k] || u[k] >= 1); ++first)
@@ -2967,7 +2966,7 @@ static inline int spsi_interval_less(const spsi_interval *a, const spsi_interval
     return a->soft < b->soft;
 }
 
-/* Merges two sorted parts. The ordered start stays in place, so nearly sorted lists are cheap. */
+/* Merges two sorted parts. A start already in order stays in place, so nearly sorted lists are cheap. */
 static void spsi_intervals_merge(spsi_interval *list, size_t half, size_t count, spsi_interval *scratch) {
     size_t to = half, left = 0, right = half, moved;
     while (to > 0 && spsi_interval_less(&list[half], &list[to - 1])) --to;
@@ -2989,7 +2988,7 @@ static void spsi_intervals_insert(spsi_interval *list, size_t count) {
 
 #define SPSI_SORT_SHORT 16 /* insertion sort is faster up to here */
 
-/* Merge sort by u0, scratch for half: n log n, or n if nearly in order. */
+/* Merge sort by u0, with scratch for half the list: n log n, or n if nearly sorted. */
 static void spsi_intervals_sort(spsi_interval *list, size_t count, spsi_interval *scratch) {
     const size_t half = count / 2;
     if (count <= SPSI_SORT_SHORT) {
@@ -3034,11 +3033,11 @@ static int spsi_intervals_extent(const spsi_intervals *intervals, float *first, 
 
 /* ---- curves ---- */
 
-/* Maximum numbers of nodes and of intervals. Soft intervals take SPSI_SOFT_MOST pieces. */
+/* Maximum numbers of a curve's nodes and scratch intervals. With soft intervals, `pieces` is SPSI_SOFT_MOST. */
 #define SPSI_CURVE_NODES(count, pieces) (2 * ((pieces) + 1) * (count))
 #define SPSI_CURVE_SCRATCH(count)       (3 * (count))
 
-/* Compensated sum for slopes of different size. [Neumaier 1974] */
+/* Compensated sum, for slopes of very different size. [Neumaier 1974] */
 typedef struct spsi_sum {
     double high, low;
 } spsi_sum;
@@ -3051,19 +3050,19 @@ static inline void spsi_sum_add(spsi_sum *sum, double x) {
 
 typedef struct spsi_curve {
     const spsi_interval *sorted;
-    int count, first; /* soft intervals before the first lie wholly in front */
+    int count, first; /* soft intervals before `first` lie wholly before u */
     int has_soft;
-    double before;    /* their optical depth */
-    double error;     /* of T, per piece */
-    float u;          /* last end */
-    double depth;     /* of uniform intervals, there */
-    spsi_sum slope;   /* likewise */
-    int open;         /* uniform intervals that go on */
+    double before;    /* optical depth of soft intervals before `first` */
+    double error;     /* error of T allowed per piece */
+    float u;          /* last end passed */
+    double depth;     /* depth of uniform intervals at u */
+    spsi_sum slope;   /* their slope at u */
+    int open;         /* uniform intervals that have not ended */
     spsi_node *nodes;
     int node_count;
 } spsi_curve;
 
-/* Keeps only the first and last node at one u. Depth never falls. */
+/* Appends a node, but keeps only the first and last at one u. Depth never falls. */
 static void spsi_curve_append(spsi_curve *curve, float u, double depth) {
     spsi_node *nodes = curve->nodes;
     const int count = curve->node_count, same = count > 0 && !(nodes[count - 1].u < u);
@@ -3074,7 +3073,7 @@ static void spsi_curve_append(spsi_curve *curve, float u, double depth) {
     nodes[curve->node_count++] = node;
 }
 
-/* Optical depth before u. Soft intervals: with or without jumps at u; the rest jumps at 1. */
+/* Optical depth before u. `jumps`: includes soft intervals' jumps at u, and at u = 1 all that remains of them. */
 static double spsi_curve_depth(const spsi_curve *curve, float u, int jumps) {
     const int all = jumps && u >= 1;
     const double slope = spsi_dmax(curve->slope.high + curve->slope.low, 0);
@@ -3098,7 +3097,7 @@ static int spsi_curve_is_straight(const spsi_curve *curve, float u, double step,
     return most * exp(-depth) <= curve->error;
 }
 
-/* Continues to the next end, in pieces as long as the error of T allows. */
+/* Continues the curve to the next end, in pieces as long as the error of T allows. */
 static void spsi_curve_advance(spsi_curve *curve, float end) {
     float u = curve->u;
     double depth = (double)curve->nodes[curve->node_count - 1].value, step = (double)end - (double)u;
@@ -3118,7 +3117,8 @@ static void spsi_curve_advance(spsi_curve *curve, float end) {
     curve->u = end;
 }
 
-/* Ends of an interval within 0..1: `depth` rises over length u1 behind u0 (negative: no more); `soft` is a jump. */
+/* An interval's two ends within 0..1: from u0 on, `depth` accrues over length u1 (negative: no longer); `soft` is a
+   jump. */
 static void spsi_curve_ends(const spsi_interval *interval, spsi_interval ends[2]) {
     const float depth = spsi_fmin(interval->depth, SPSI_DEPTH_MAX), length = interval->u1 - interval->u0;
     const float first = spsi_fmax(spsi_fmin(interval->u0, 1), 0), last = spsi_fmax(spsi_fmin(interval->u1, 1), 0);
@@ -3130,8 +3130,8 @@ static void spsi_curve_ends(const spsi_interval *interval, spsi_interval ends[2]
     ends[0] = start, ends[1] = end;
 }
 
-/* Curve of sorted intervals, exact at their ends, T elsewhere within `error`. Returns the number of nodes; the first
-   has depth 0. */
+/* Curve of sorted intervals, exact at their ends; elsewhere, T is within `error`. Returns the number of nodes; the
+   first has depth 0. */
 static int spsi_curve_build(const spsi_interval *sorted, int count, double error, spsi_interval *ends,
                             spsi_node *nodes) {
     spsi_curve curve = {sorted, count, 0, 0, 0, error, 0, 0, {0, 0}, 0, nodes, 0};
@@ -3161,9 +3161,9 @@ static int spsi_curve_build(const spsi_interval *sorted, int count, double error
     return curve.node_count;
 }
 
-/* ---- turning angles ---- */
+/* ---- sine and cosine ---- */
 
-/* cos and sin of 2 pi u, |u| < 2^20, error 2e-7, relative for small sines. u - n / 2 is exact. Polynomials interpolate
+/* cos and sin of 2 pi u, |u| < 2^20; error 2e-7, relative for small sines. u - n / 2 is exact. Polynomials interpolate
    at Chebyshev nodes. */
 static inline void spsi_cos_sin(spsi_v u, spsi_v *cosine, spsi_v *sine) {
     const spsi_v n = spsi_round(spsi_add(u, u)), half = spsi_mul(n, spsi_set(0.5f));
@@ -3194,7 +3194,7 @@ static inline float spsi_plane(const sps_tmap_settings *settings, int i) {
     return settings->planes ? settings->planes[i] : (float)(i + 1) / (float)settings->components;
 }
 
-/* First plane at or behind u, or the last. Even planes start one early, for round-off. */
+/* First plane at or behind u, or the last. The search of even planes starts one early, for round-off. */
 static int spsi_plane_from(const sps_tmap_settings *settings, float u) {
     const int last = settings->components - 1;
     int i = settings->planes ? 0 : spsi_imax((int)(u * (float)settings->components) - 1, 0);
@@ -3202,17 +3202,17 @@ static int spsi_plane_from(const sps_tmap_settings *settings, float u) {
     return spsi_imin(i, last);
 }
 
-/* Adds increments between planes, so planes behind are not touched. */
+/* Adds increments between planes, so planes behind the intervals are not touched. */
 static void spsi_opacity_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
                                 const spsi_intervals *intervals) {
     const spsi_v depth = spsi_intervals_capped(intervals);
     spsi_v before = spsi_set(0);
     float first, end;
-    if (settings->components == 1) spsi_accumulate(sums, depth); /* all before the only plane */
+    if (settings->components == 1) spsi_accumulate(sums, depth); /* everything lies before the only plane */
     if (settings->components == 1 || !spsi_intervals_extent(intervals, &first, &end)) return;
     const int last = spsi_plane_from(settings, end);
     SPSI_ROLLED for (int i = spsi_plane_from(settings, first); i <= last; ++i) {
-        spsi_v share = spsi_set(1); /* all behind counts at the last plane */
+        spsi_v share = spsi_set(1); /* the last plane counts everything behind it */
         if (i < settings->components - 1) share = spsi_intervals_before(intervals, spsi_set(spsi_plane(settings, i)));
         share = spsi_max(share, before);
         spsi_accumulate(sums + (size_t)i * stride, spsi_mul(depth, spsi_sub(share, before)));
@@ -3231,7 +3231,7 @@ static void spsi_opacity_finish(const sps_tmap_settings *settings, float *texel)
 /* a / b, or 0 between planes at one u. */
 static inline float spsi_ratio(float a, float b) { return b > 0 ? a / b : 0; }
 
-/* Curves go through planes; plane -1 is at u = 0, with depth 0. */
+/* Curves interpolate planes; plane -1 is at u = 0, with depth 0. */
 static inline float spsi_knot_u(const sps_tmap_settings *settings, int i) {
     return i < 0 ? 0 : spsi_plane(settings, i);
 }
@@ -3240,7 +3240,7 @@ static inline float spsi_secant(const sps_tmap_settings *settings, const float *
     return spsi_ratio(texel[i] - (i > 0 ? texel[i - 1] : 0), spsi_plane(settings, i) - spsi_knot_u(settings, i - 1));
 }
 
-/* Slope of a monotone cubic at plane i: the parabola's through three planes, without overshoot. */
+/* Slope of a monotone cubic at plane i: that of the parabola through three planes, limited against overshoot. */
 static float spsi_steffen(const sps_tmap_settings *settings, const float *texel, int i) {
     const int middle = spsi_imax(spsi_imin(i, settings->components - 2), 0);
     if (settings->components == 1) return spsi_secant(settings, texel, 0);
@@ -3258,7 +3258,7 @@ static void spsi_opacity_depths(const sps_tmap_settings *settings, const spsi_te
                                 float *depths) {
     const float *values = (const float *)texel->data;
     int i = count > 0 ? spsi_plane_from(settings, u[0]) : 0;
-    float u0 = 0, u1 = spsi_plane(settings, i), low = 0, per_length = 0, bends[2] = {0, 0}; /* from chord to cubic */
+    float u0 = 0, u1 = spsi_plane(settings, i), low = 0, per_length = 0, bends[2] = {0, 0}; /* end slopes minus chord */
     for (int k = 0; k < count; ++k) {
         int moved = k == 0;
         for (; i < settings->components - 1 && u1 < u[k]; moved = 1) u1 = spsi_plane(settings, ++i);
@@ -3285,8 +3285,8 @@ static void spsi_opacity_bracket(const sps_tmap_settings *settings, const spsi_t
 
 /* ---- Fourier series ---- */
 
-/* Mean of cos(2 pi k (u - m)) around the middle m; x = 2 pi k h, half length h. Uniform: sin x / x. Soft: 3 (sin x - x
-   cos x) / x^3; below 2 its series to x^10, against cancellation. */
+/* Mean of cos(2 pi k (u - m)) over an interval with middle m, half length h; x = 2 pi k h. Uniform: sin x / x. Soft: 3
+   (sin x - x cos x) / x^3; for x < 2 its series to x^10, against cancellation. */
 static inline spsi_v spsi_fourier_spread(spsi_v x, spsi_v c, spsi_v s, float soft) {
     const spsi_v one = spsi_set(1), safe = spsi_max(x, spsi_set(1e-6f)), square = spsi_mul(x, x);
     if (!(soft > 0)) return spsi_select(spsi_less(x, spsi_set(1e-6f)), one, spsi_div(s, safe));
@@ -3342,9 +3342,9 @@ static void spsi_fourier_depths(const sps_tmap_settings *settings, const spsi_te
     }
 }
 
-/* ---- curves for fits, piece by piece ---- */
+/* ---- pieces of a curve ---- */
 
-/* Optical depths t0 to t1; u0 = u1 is a jump. */
+/* Optical depth rises linearly from t0 to t1; u0 = u1 is a jump. */
 typedef struct spsi_piece {
     double u0, u1, t0, t1;
 } spsi_piece;
@@ -3386,12 +3386,12 @@ static void spsi_compressed_bracket(const sps_tmap_settings *settings, const sps
 
 /* ---- transmittance as a polyline ---- */
 
-/* Cuts a piece in even steps of sqrt(T), to keep chords of T within step^2 above the exponential. From a^2 to b^2 the
-   error is at most (a - b)^2, half for small steps. */
+/* Cuts a piece at even steps of sqrt(T), to keep chords of T within step^2 above the exponential. From T = a^2 to b^2
+   the error is at most (a - b)^2, half that for small steps. */
 typedef struct spsi_cuts {
     spsi_piece piece;
     float u;             /* last cut */
-    double through, end; /* T at the last cut, at the piece's end */
+    double through, end; /* T at the last cut, and at the piece's end */
 } spsi_cuts;
 
 /* Starts the piece that ends at node i; the first is a jump from 0. */
@@ -3425,8 +3425,8 @@ static int spsi_cuts_next(spsi_cuts *cuts, double step) {
 typedef struct spsi_compressor {
     spsi_node *out;
     int count;
-    double low, high;            /* slopes from the last node that keep within the error */
-    double below, above;         /* maximum distance from a cut */
+    double low, high;            /* range of slopes from the last node that stay within the error */
+    double below, above;         /* maximum distances below and above a cut */
     double last_u, last_through; /* last cut that the slopes satisfy */
 } spsi_compressor;
 
@@ -3437,7 +3437,7 @@ static void spsi_compressor_node(spsi_compressor *c, double u, double through) {
     c->high = 0; /* T never rises */
 }
 
-/* Ends the line at the last cut, as near as slopes allow. */
+/* Ends the line at the last cut, as close to its T as slopes allow. */
 static void spsi_compressor_end(spsi_compressor *c) {
     const spsi_node *from = &c->out[c->count - 1];
     const double length = c->last_u - (double)from->u, start = (double)from->value;
@@ -3446,7 +3446,7 @@ static void spsi_compressor_end(spsi_compressor *c) {
     spsi_compressor_node(c, c->last_u, spsi_dmax(start + slope * length, 0));
 }
 
-/* Returns 0, with slopes unchanged, if none satisfy the cut. */
+/* Returns 0, with slopes unchanged, if none satisfies the cut. */
 static int spsi_compressor_allows(spsi_compressor *c, double u, double through) {
     const spsi_node *from = &c->out[c->count - 1];
     const double length = u - (double)from->u, start = (double)from->value;
@@ -3472,12 +3472,12 @@ static void spsi_compressor_take(spsi_compressor *c, double u, double through) {
 
 static double spsi_compress_step(float epsilon) { return sqrt(0.25 * (double)spsi_fmax(epsilon, SPSI_EPSILON_MIN)); }
 
-/* Maximum number of nodes, two per cut. Steps of sqrt(T) number under 1 / step; rounding may double them. */
+/* Maximum number of nodes, two per cut. There are under 1 / step steps of sqrt(T); rounding may double them. */
 SPSI_COLD int spsi_compressed_most(int count, float epsilon) {
     return 2 + 2 * count + (int)(4 / spsi_compress_step(epsilon));
 }
 
-/* Deep shadow map: falling lines of T, everywhere within epsilon (at least 1e-6), by greedy search. A quarter of
+/* Deep shadow map: a falling polyline of T, within epsilon (at least 1e-6) everywhere, by greedy search. A quarter of
    epsilon is for cuts, 1.2e-7 for round-off. `out` has room for spsi_compressed_most(count, epsilon). Cost: linear in
    cuts. */
 static int spsi_curve_compress(const spsi_node *curve, int count, float epsilon, spsi_node *out) {
@@ -3508,8 +3508,8 @@ static inline double spsi_node_cost(const spsi_node *node) {
                 ((double)c->u - (double)a->u) * ((double)node->value - (double)a->value));
 }
 
-/* Makes the last T exact, then removes nodes of least area down to `most`. Thinning during insertion [Salvi et al.
-   2010] doubles the error with 4 nodes. */
+/* Makes the last T exact, then removes nodes of least area until `most` are left. Thinning during insertion [Salvi et
+   al. 2010] doubles the error with 4 nodes. */
 static int spsi_nodes_thin(spsi_node *line, int count, int most, float total) {
     const float last = (float)exp(-(double)spsi_fmin(total, SPSI_DEPTH_MAX));
     for (int i = count - 1; i >= 0 && (i == count - 1 || line[i].value < last); --i) line[i].value = last;
@@ -3534,8 +3534,8 @@ static const float spsi_moment_choose[SPSI_MOMENTS_MAX + 1][SPSI_MOMENTS_MAX / 2
     {1, 0, 0, 0}, {1, 0, 0, 0}, {1, 1, 0, 0}, {1, 3, 0, 0}, {1, 6, 1, 0}, {1, 10, 5, 0}, {1, 15, 15, 1},
 };
 
-/* Adds t E z^k, z = 2 u - 1 = m + h s. Odd powers of s vanish. Even means: 1 / (2 j + 1), soft 3 / ((2 j + 1) (2 j +
-   3)). */
+/* Adds t E(z^k), z = 2 u - 1 = m + h s. Odd powers of s have mean 0, even ones 1 / (2 j + 1), soft 3 / ((2 j + 1) (2 j
+   + 3)). */
 static void spsi_moment_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
                                const spsi_intervals *intervals) {
     const spsi_v m = spsi_sub(spsi_add(intervals->u0, intervals->u1), spsi_set(1));
@@ -3567,7 +3567,7 @@ static void spsi_moment_finish(const sps_tmap_settings *settings, float *texel) 
 /* Cholesky factor of the Hankel matrix of moments, H_ij = b_(i+j), i, j < size. */
 typedef struct spsi_hankel {
     int size;
-    double factor[SPSI_MOMENTS_MAX / 2 + 1][SPSI_MOMENTS_MAX / 2 + 1]; /* lower left */
+    double factor[SPSI_MOMENTS_MAX / 2 + 1][SPSI_MOMENTS_MAX / 2 + 1]; /* lower triangle */
 } spsi_hankel;
 
 /* Returns 0 unless b are moments of at least `size` points. */
@@ -3611,7 +3611,7 @@ SPSI_COLD double spsi_hankel_solve(const spsi_hankel *hankel, double x, double *
     return squares;
 }
 
-#define SPSI_ROOT_REACH 1000 /* others weigh under 1e-12, as moments are at most 1 */
+#define SPSI_ROOT_REACH 1000 /* farther roots weigh under 1e-12, as moments are at most 1 */
 
 /* Roots within SPSI_ROOT_REACH, larger first, without cancellation. Double roots do not count. */
 SPSI_COLD int spsi_parabola_roots(double a, double b, double c, double *roots) {
@@ -3623,8 +3623,9 @@ SPSI_COLD int spsi_parabola_roots(double a, double b, double c, double *roots) {
     return count;
 }
 
-/* Real roots. The cubic's farthest one on their mean's side has a closed form without cancellation [Viete]. No other is
-   over twice as large, so deflation is stable. If all are 0, `turn` and `rest` are NaN, and 0 is found once. */
+/* Real roots. The cubic's farthest root on the side of their mean has a closed form without cancellation [Viete]. No
+   other is over twice as large, so deflation is stable. If all are 0, `turn` and `rest` are NaN, and 0 is found
+   once. */
 SPSI_COLD int spsi_polynomial_roots(const double *c, int degree, double *roots) {
     double side, a, b, q, turn, root, rest;
     if (degree == 2 || !(fabs(c[3]) > 1e-12 * fabs(c[2]))) return spsi_parabola_roots(c[2], c[1], c[0], roots);
@@ -3638,7 +3639,7 @@ SPSI_COLD int spsi_polynomial_roots(const double *c, int degree, double *roots) 
     return count;
 }
 
-/* Bounds of the mass before z, from the one distribution of `size` points including z. The others are roots of sum
+/* Bounds on the mass before z, from the one distribution of `size` points including z. The others are roots of sum
    p_k(z) p_k(x), with masses 1 / sum p_k^2 [Akhiezer 1965]. */
 SPSI_COLD void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bounds[2]) {
     double at[SPSI_MOMENTS_MAX / 2 + 1], c[SPSI_MOMENTS_MAX / 2 + 1], roots[SPSI_MOMENTS_MAX / 2 + 1], before = 0;
@@ -3659,7 +3660,7 @@ SPSI_COLD void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bo
     bounds[1] = (before + here) / whole;
 }
 
-/* Returns the bias, at least that of `biases`. */
+/* Returns the bias, at least the one in `biases`. */
 SPSI_COLD double spsi_moment_factor(const sps_tmap_settings *settings, const float *texel, const double biases[2],
                                     spsi_hankel *hankel) {
     return spsi_hankel_build(hankel, texel, settings->components, biases[(settings->components - 5) / 2]);
@@ -3682,8 +3683,8 @@ SPSI_COLD void spsi_moment_depths(const sps_tmap_settings *settings, const spsi_
     }
 }
 
-/* With G in 0..1, bounds of (1 - a) F + a G put F within (low - a) / (1 - a) .. high / (1 - a). Round-off d is covered
-   if d (matrix size) < a (smallest eigenvalue: 0.199, 0.0137): 2e-6, a thousand sums. */
+/* With G in 0..1, bounds on (1 - a) F + a G put F within (low - a) / (1 - a) .. high / (1 - a). Round-off d is covered
+   if d (matrix size) < a (smallest eigenvalue: 0.199, 0.0137): 2e-6, as after a thousand sums. */
 static void spsi_moment_bracket(const sps_tmap_settings *settings, const spsi_texel *texel, float u,
                                 float bracket[2]) {
     static const double biases[2] = {3e-5, 6e-4};
@@ -3758,18 +3759,18 @@ SPSI_COLD int spsi_components_of(const sps_tmap_settings *settings) {
 }
 
 /* ================================================================================================ >>scene
-   9  The frame: scene and view, checked, with all defaults resolved, so that later sections interpret no zeros. Only a
-   light's map size may stay open (0) until the medium has been read. */
+   9  The frame: checked scene and view with all defaults resolved, so later chapters interpret no zeros. Only a light's
+   map size may stay 0 until the medium has been read. */
 
 typedef struct spsi_lattice {
     int medium;
     double corner[3];  /* world corner of voxel (0,0,0) */
-    double step[3][3]; /* world edges of a voxel */
+    double step[3][3]; /* voxel edges in world space */
     double voxel_volume;
 } spsi_lattice;
 
 typedef struct spsi_medium {
-    sps_volume given;      /* also concurrent where only the library reads it */
+    sps_volume given;      /* concurrent is also set for an sps_grid */
     int index;
     spsi_lattice *lattice;
     int channel;           /* channel in eye sheets and material index */
@@ -3792,15 +3793,15 @@ typedef struct spsi_mesh {
 typedef struct spsi_light_extent {
     int exists;
     int is_disc;       /* 0: rectangle */
-    double radius;     /* maximum from the centre: world units; radians if directional */
+    double radius;     /* maximum distance from the centre: world units; radians if directional */
     double axis[2][3]; /* vectors from centre to (1, 0) and (0, 1); directional: unit vectors */
 } spsi_light_extent;
 
-/* Spotlight cone: intensity clamp((none - v) / rim, 0, 1)^2, v = 1 - cos of the angle. Plain cosines cannot resolve
+/* Spotlight cone. Intensity is clamp((none - v) / rim, 0, 1)^2 with v = 1 - cos(angle); plain cosines cannot resolve
    narrow cones. */
 typedef struct spsi_cone {
     int exists;
-    double none, rim; /* v at the outer angle; v difference to the inner */
+    double none, rim; /* v at the outer angle; difference to the inner */
 } spsi_cone;
 
 /* Projected texture (cookie). The texel for a point at `offset` from the light is
@@ -3809,21 +3810,21 @@ typedef struct spsi_projection {
     int exists;
     sps_projector given;
     double across[2][3], add[2], forward[3];
-    double edge[2]; /* texel at distance 1; directional: world units */
+    double edge[2]; /* texel size at distance 1; directional: world units */
     double focus;   /* 1 / focal distance; 0: infinity */
     int image;      /* index in content.images */
 } spsi_projection;
 
-/* Reason for sheets or a map. */
+/* Reason for using sheets or a map. */
 typedef enum spsi_choice {
     SPSI_CHOICE_CALLER, /* set by the caller */
     SPSI_CHOICE_OPEN,   /* undecided, >>shadows */
     SPSI_CHOICE_SHEETS,
-    SPSI_CHOICE_TABLE_IN_GAS, /* light in or near the medium: no slabs */
+    SPSI_CHOICE_TABLE_IN_GAS, /* light in or near the medium: no slabs fit */
     SPSI_CHOICE_TABLE_CAMERA, /* no slabs suit both light and camera */
     SPSI_CHOICE_TABLES,       /* several tables for an area light */
-    SPSI_CHOICE_TABLE_SHARED, /* spares this light a sweep */
-    SPSI_CHOICE_TABLE_AGAIN   /* >>cells needs it anyway */
+    SPSI_CHOICE_TABLE_SHARED, /* saves a sweep of its own */
+    SPSI_CHOICE_TABLE_AGAIN   /* >>cells needs one anyway */
 } spsi_choice;
 
 typedef struct spsi_light {
@@ -3839,19 +3840,19 @@ typedef struct spsi_light {
     spsi_light_extent extent;
     const struct spsi_light *points; /* sample points, or itself */
     int point_count;
-    const struct spsi_light *few; /* fewer, for irradiance in media; at least one */
+    const struct spsi_light *few; /* fewer points for irradiance in media; at least one */
     int few_count;
     int samples;
     int shadows;
-    int sliced;                    /* 1: shadows media by sheets */
-    int has_map;                   /* 1: shadows media by a transmittance map */
+    int sliced;                    /* 1: sheets store its transmittance in media */
+    int has_map;                   /* 1: a transmittance map stores it */
     spsi_choice choice;
     int tables;                    /* tables for its points; 0 or 1: not split */
     int map_size;                  /* longer side in texels; 0: fitted to the medium */
-    const spsi_bounds *map_bounds; /* bounds of media that it serves; NULL: all */
+    const spsi_bounds *map_bounds; /* bounds of the media it serves; NULL: all */
     int map_omnidirectional;
     sps_tmap_settings map;         /* technique resolved */
-    float planes[65];              /* copy of the map's, if it has any */
+    float planes[65];              /* copy of map.planes, if any */
 } spsi_light;
 
 typedef struct spsi_accuracy {
@@ -3859,10 +3860,10 @@ typedef struct spsi_accuracy {
     double shadow_texels; /* shadow texels per voxel */
     double texel_pixels;  /* minimum shadow texel in pixels; 0: set by caller */
     double slab_pixels;   /* minimum slab in pixels; 0: set by caller */
-    int depth_map_texels; /* minimum side */
+    int depth_map_texels; /* minimum resolution */
     double cut;           /* kernel radius in standard deviations */
     double light_cut;     /* cut of classified volumes in light sheets */
-    int light_points;     /* per area light */
+    int light_points;     /* points per area light */
     double flight_angle;  /* maximum angle of an emitter node, radians, >>flights */
 } spsi_accuracy;
 
@@ -3893,11 +3894,11 @@ typedef struct spsi_matter {
 } spsi_matter;
 
 typedef struct spsi_lights {
-    spsi_light *list; /* `whole`, or its copy with split area lights, >>shadows */
+    spsi_light *list; /* `whole`, or a copy with area lights split, >>shadows */
     int count;
     spsi_light *whole;
     int whole_count;
-    spsi_light *split_points; /* room for all points */
+    spsi_light *split_points; /* room for copied points */
     int shadow_count;
     int sliced_count; /* each needs a sweep */
     int image_count;  /* with cookies */
@@ -3905,7 +3906,7 @@ typedef struct spsi_lights {
 
 #define SPSI_IMAGE_LEVELS 25 /* 4096 x 4096, halved one axis at a time */
 
-/* Mip levels. Each has a plane per color with a border of one black texel. */
+/* Mip levels of a cookie, one plane per color, with a border of one black texel. */
 typedef struct spsi_image {
     int level_count;
     int width[SPSI_IMAGE_LEVELS], height[SPSI_IMAGE_LEVELS]; /* with border */
@@ -3916,51 +3917,51 @@ typedef struct spsi_image {
 
 #define SPSI_CELL_SETS 6 /* maximum (light, material) pairs with separate single scattering */
 
-/* Its single scattering is sent by patches with the full phase function, >>cells. */
+/* A light whose single scattering patches send with the full phase function, >>cells. */
 typedef struct spsi_cell_light {
-    int index, places;    /* points per segment for its direction */
+    int index, places;    /* direction samples per segment */
     float weight;         /* fraction sent by patches; cells send the rest */
     double at[3], brings; /* position, distant if directional; rough irradiance */
 } spsi_cell_light;
 
-/* Grid of discrete ordinates, >>cells. Arrays: x fastest, rows padded to vectors, two at least. */
+/* Grid of discrete ordinates, >>cells. Arrays: x fastest, at least two rows, padded to vectors. */
 typedef struct spsi_cell_grid {
     int size[3], pitch;                 /* cells; entries per row */
     size_t count;                       /* per array */
     double corner[3], edge;             /* world units */
-    int orders, terms, channels;        /* harmonic, color */
+    int orders, terms, channels;        /* harmonic orders, terms; colors */
     float lobes[SPSI_MATERIALS_MAX][4]; /* phase moments 0 to 3, minus peak */
     float peak[SPSI_MATERIALS_MAX];     /* fraction scattered straight ahead */
-    float swept[SPSI_MATERIALS_MAX];    /* fraction of emission without first flights */
+    float swept[SPSI_MATERIALS_MAX];    /* fraction of emission that sweeps carry */
     int light_count, peak_count;
     spsi_cell_light lights[SPSI_CELL_SETS];
     spsi_material peaks[SPSI_CELL_SETS]; /* materials with a peak; all if light_count > 0 */
-    int peak_of[SPSI_CELL_SETS];         /* indices */
+    int peak_of[SPSI_CELL_SETS];         /* material indices */
     float *depth;                       /* optical depth per edge */
     float *moments;                     /* per channel and term, without ambient light */
     float *flown;   /* likewise, first flights alone; NULL: none, >>flights */
     float *trapped; /* per channel: trapped emission, then the flights it replaces */
-    float *seen;    /* per material and channel: radiance per scattering depth */
-    int flux_terms; /* degree 0 to 2; 0: no polygons */
-    float *flux;    /* per channel and term: sent to polygons */
-    float *patches; /* position, area, exitance per channel */
+    float *seen;    /* per material and channel: radiance to the eye per scattering depth */
+    int flux_terms; /* degrees 0 to 2; 0: no polygons */
+    float *flux;    /* per channel and term: moments that light polygons */
+    float *patches; /* geometry, flux and harmonics, >>cells */
     float *thick;   /* per channel: mean depth per edge */
     float *scale;   /* per channel: mean extinction scale without peak */
     float *pyramid; /* mip levels of depth: all, then per material; NULL: no flights */
-    size_t pyramid_rows; /* each */
+    size_t pyramid_rows; /* per pyramid */
 } spsi_cell_grid;
 
-/* An emitting sphere, >>flights. In direction d it sends 1 - |axis| + 4 max(0, axis . d) times its mean. axis: 0 in
-   media, a polygon's normal otherwise. */
+/* An emitting sphere, >>flights. In direction d it sends 1 - |axis| + 4 max(0, axis . d) times its mean. axis: a
+   polygon's normal, a bright cell's mean direction, or 0. */
 typedef struct spsi_emitter {
     float at[3], radius; /* relative to the tree's centre */
-    float cut;           /* radius if polygons may cut it, or 0 */
-    float solid;         /* 1: on polygons, where a mean position may be inside a solid */
+    float cut;           /* radius if polygons may intersect it, or 0 */
+    float solid;         /* 1: on polygons, so that mean positions may lie inside a solid */
     float sent[3];       /* mean radiance times area */
     float axis[3];
-    float leaves[3]; /* fraction that escapes its own medium; `sent` includes it */
-    float clear;      /* its own medium does not attenuate up to here */
-    float own;        /* pyramid of that medium */
+    float leaves[3]; /* fraction escaping its own medium, included in `sent` */
+    float clear;      /* distance unattenuated by its own medium */
+    float own;        /* pyramid of its medium */
     float thick;      /* depth per radius if it attenuates itself, or 0 */
     float ahead;      /* offset where attenuation begins */
     float gas;        /* depth times area if `sent` includes scattering, or 0 */
@@ -3973,14 +3974,14 @@ typedef struct spsi_emitter {
 typedef struct spsi_flight_node {
     spsi_emitter sum;
     float reach; /* radius of the bounding sphere */
-    float breadth; /* diameter, up to 4 times if dense or bent */
+    float breadth; /* diameter, times up to 4 if dense, 9 if curved */
     float leaves[3]
-                [SPSI_FLIGHT_SEGMENTS]; /* fraction escaping that sphere */
+                [SPSI_FLIGHT_SEGMENTS]; /* fraction escaping the bounding sphere */
     int first, count;
 } spsi_flight_node;
 
-/* Emission; dense particles and scattering of narrow beams; their reflection by polygons; cells brighter than
-   others. */
+/* Trees: emission; dense particles and scattered narrow beams; beams that polygons reflect; exceptionally bright
+   cells. */
 enum { SPSI_FLIGHTS_EMISSION, SPSI_FLIGHTS_BEAMS, SPSI_FLIGHTS_SPOTS, SPSI_FLIGHTS_CELLS, SPSI_FLIGHT_TREES };
 
 typedef struct spsi_flights {
@@ -3996,69 +3997,68 @@ typedef struct spsi_flights {
 
 #define SPSI_SAMPLER_STEPS   1024 /* tabulated positions between voxels, >>sampler */
 #define SPSI_PYRAMID_REACHES 3    /* sampling distances from visible voxels */
-#define SPSI_LEVELS        12   /* coarser levels; voxel edges double */
+#define SPSI_LEVELS        12   /* coarser levels; each doubles voxel edges */
 
-/* Planes are layers of a column of bricks with their apron, so that bricks share those above and below. The first is
-   empty. */
+/* Planes are layers of a column of bricks, apron included; vertical neighbours share them. The first is empty. */
 typedef struct spsi_pyramid_brick {
     size_t planes[SPSI_BRICK + 5]; /* per layer, apron included: first float in `values` */
-    int place, source;           /* grid index; source brick, -1: none */
+    int place, source;           /* grid index; source brick or -1 */
     unsigned char layers[9];     /* per third in x and y: mask of own layers that may have voxels */
     uint64_t shown[SPSI_BRICK];  /* mask of visible voxels, by layer */
 } spsi_pyramid_brick;
 
 typedef struct spsi_pyramid_level {
-    int low[3], size[3];  /* first brick, number per axis */
+    int low[3], size[3];  /* first brick; bricks per axis */
     int first, end;       /* range of source bricks */
     double voxels;        /* relevant voxels */
     float most;           /* maximum value; 0: unknown */
-    double volume;        /* upper bound in reach, voxels */
+    double volume;        /* voxels in reach, upper bound */
     int *grid;            /* per brick: stored index; -1: none. NULL: no pyramid */
     int count;            /* stored bricks */
     spsi_pyramid_brick *stored;
     float *values;        /* planes */
     uint32_t (
         *cells[SPSI_PYRAMID_REACHES])[2]; /* per brick: mask of 2^3-voxel cells to sample; unclassified: one reach */
-    float *bends; /* bounds of third differences: per eighth brick, maximum of 2^3 */
+    float *bends; /* third derivative bounds per brick octant, maximum over 2^3 octants */
 } spsi_pyramid_level;
 
 typedef struct spsi_pyramid {
     int taps;                                /* 4 or 6 per axis */
     int filled;
     float weights[SPSI_SAMPLER_STEPS + 1][8];  /* indexed by position; 0 beyond taps */
-    float changes[SPSI_SAMPLER_STEPS + 1][8];  /* derivative per voxel */
+    float changes[SPSI_SAMPLER_STEPS + 1][8];  /* derivatives per voxel */
     int leveled;                             /* coarser levels filled */
     int bent;                                /* 1: `bends` is set */
     spsi_pyramid_level levels[SPSI_VOLUMES_MAX][SPSI_LEVELS + 1]; /* per medium; 0: finest */
 } spsi_pyramid;
 
-/* Results of reading. Before, bounds are the volumes' boxes. */
+/* Results of reading. Until then, bounds are the volumes' boxes. */
 typedef struct spsi_content {
     spsi_bounds bounds;            /* bounds of media */
     double beyond[3];              /* padding for coarser levels, >>sampler */
     spsi_bounds outer;             /* volume boxes and particles, >>shadows */
-    int parts[2], cut[2];          /* columns, rows: 1 or 2; split pixel */
+    int parts[2], cut[2];          /* image parts per axis, 1 or 2; split pixel */
     spsi_bounds mesh_bounds;       /* bounds of polygons */
     const sps_particle *particles; /* non-empty, >>gather */
     int particle_count;            /* 0 until read */
     int set_ends[SPSI_SETS_MAX];   /* ends of sets in `particles` */
-    float flies[SPSI_MATERIALS_MAX]; /* per material: fraction always in flights */
+    float flies[SPSI_MATERIALS_MAX]; /* per material: emission fraction that always flies */
     double particle_radius;        /* geometric mean */
     double particle_spread;        /* RMS distance from their mean */
-    double particle_extinction;    /* mean, single or overlapping, whichever is larger */
+    double particle_extinction;    /* mean of single or mixed particles, whichever is larger */
     const spsi_image *images;      /* cookies */
     spsi_pyramid *fields;          /* NULL: all splatted */
     float levels[SPSI_VOLUMES_MAX]; /* per medium: level + weight of the next; -1: splatted */
     const spsi_cell_grid *cells;   /* NULL: no discrete ordinates */
     int cell_grid_count;
-    const spsi_flights *flights; /* NULL: nothing emits, or cells carry it */
+    const spsi_flights *flights; /* NULL: nothing emits, or sweeps carry all */
     spsi_rays eye; /* depths from the middle of the content */
 } spsi_content;
 
-/* Constant once built, except for lights in >>shadows. */
+/* Constant once built, except that >>shadows changes lights. */
 typedef struct spsi_frame {
     spsi_content *content;
-    sps_scene given; /* arrays are valid while building */
+    sps_scene given; /* arrays valid only while building */
     sps_view view;     /* resolved; shadow_resolution 0: fitted */
     sps_object viewer; /* object for view errors */
     int has_matrix;    /* 1: camera given as a matrix, kept in `eye` only */
@@ -4073,12 +4073,12 @@ typedef struct spsi_frame {
     spsi_lights lights;
     int has_ambient;
     int has_gradients; /* 1: surface shading */
-    int channels;    /* 1: all grey; or 3 */
+    int channels;    /* 1: grey; 3: color */
     int wants_depth;
 } spsi_frame;
 
 #define SPSI_BEHIND       3  /* slabs behind the eye; profiles need 2 */
-#define SPSI_NEAR_REACHES 16 /* kernel radii; nearer: integrated per pixel ray */
+#define SPSI_NEAR_REACHES 16 /* kernel radii; nearer kernels are integrated per pixel ray */
 
 static const spsi_bounds spsi_nowhere = {{DBL_MAX, DBL_MAX, DBL_MAX}, {-DBL_MAX, -DBL_MAX, -DBL_MAX}};
 
@@ -4110,21 +4110,21 @@ SPSI_COLD double spsi_bounds_longest(const spsi_bounds *bounds) {
     return longest;
 }
 
-/* The first voxel's centre is (0.5, 0.5, 0.5). */
+/* Voxel to world coordinates; the first centre is (0.5, 0.5, 0.5). */
 static void spsi_voxel_position(const spsi_lattice *lattice, const double at[3], double point[3]) {
     spsi_along(lattice->corner, lattice->step[0], at[0], point);
     spsi_along(point, lattice->step[1], at[1], point);
     spsi_along(point, lattice->step[2], at[2], point);
 }
 
-/* Kernel width along a unit direction, sqrt(s' V V' s); a cube's edge. */
+/* Kernel width along unit direction s: sqrt(s' V V' s), a cubic voxel's edge. */
 SPSI_COLD double spsi_voxel_extent(const spsi_lattice *lattice, const double s[3]) {
     double sum = 0;
     for (int i = 0; i < 3; ++i) sum += spsi_dot(lattice->step[i], s) * spsi_dot(lattice->step[i], s);
     return sqrt(sum);
 }
 
-/* Minimum width in the plane of two perpendicular unit vectors: root of the smaller eigenvalue of (x, y)' V V' (x,
+/* Minimum kernel width in the plane of perpendicular unit vectors: root of the smaller eigenvalue of (x, y)' V V' (x,
    y). */
 SPSI_COLD double spsi_voxel_breadth(const spsi_lattice *lattice, const double x[3], const double y[3]) {
     double xx = 0, xy = 0, yy = 0;
@@ -4134,7 +4134,7 @@ SPSI_COLD double spsi_voxel_breadth(const spsi_lattice *lattice, const double x[
         xy += along_x * along_y;
         yy += along_y * along_y;
     }
-    /* subtracting eigenvalues would lose a needle's width */
+    /* subtraction would cancel for needle-shaped voxels */
     return sqrt(spsi_dmax(xx * yy - xy * xy, 0) / (0.5 * (xx + yy) + sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)));
 }
 
@@ -4154,7 +4154,7 @@ SPSI_COLD sps_result spsi_check_placement(const spsi_subject *at, const sps_plac
     spsi_check_list(at, "placement.axis[0]", placement->axis[0], 3);
     spsi_check_list(at, "placement.axis[1]", placement->axis[1], 3);
     spsi_check_list(at, "placement.axis[2]", placement->axis[2], 3);
-    for (int i = 0; i < 3; ++i) room *= spsi_length(placement->axis[i]); /* round-off of a flat one */
+    for (int i = 0; i < 3; ++i) room *= spsi_length(placement->axis[i]); /* round-off of flat axes */
     if (!(fabs(determinant) > room) || !(fabs(determinant) <= DBL_MAX))
         spsi_wrong(at, "placement's determinant", determinant, "its axes must not lie in a plane");
     return at->context->result;
@@ -4178,7 +4178,7 @@ SPSI_COLD sps_result spsi_check_lobes(const spsi_subject *at, const sps_lobe *lo
     return SPS_OK;
 }
 
-/* Checks an sps_grid, since sps_grid_read cannot name fields. */
+/* Checks an sps_grid, since sps_grid_read cannot report fields. */
 SPSI_COLD sps_result spsi_check_array(const spsi_subject *at, const sps_volume *volume) {
     const spsi_subject part = {at->context, at->object, at->index, "grid."};
     const sps_grid *grid = (const sps_grid *)volume->user;
@@ -4220,7 +4220,7 @@ SPSI_COLD sps_result spsi_check_volume(sps_context *context, const sps_volume *v
     return spsi_check_color(&at, "emission", volume->emission, SPSI_VALUE_MAX);
 }
 
-/* Checks an sps_indexed_mesh, since its read function cannot name fields. */
+/* Checks an sps_indexed_mesh, since its read function cannot report fields. */
 SPSI_COLD sps_result spsi_check_indexed(const spsi_subject *at, const sps_mesh *mesh) {
     const spsi_subject part = {at->context, at->object, at->index, "arrays."};
     const sps_indexed_mesh *arrays = (const sps_indexed_mesh *)mesh->user;
@@ -4243,7 +4243,7 @@ SPSI_COLD sps_result spsi_check_indexed(const spsi_subject *at, const sps_mesh *
 
 SPSI_COLD sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, int i) {
     const spsi_subject at = {context, SPS_OBJECT_MESH, i, ""};
-    /* behind a canary that is set, pointers may be wild */
+    /* if a canary is not 0, pointers may be garbage */
     if (spsi_check_canaries(&at, mesh->start_canary, mesh->end_canary)) return context->result;
     if (mesh->triangle_count > SPSI_FACES_MAX)
         spsi_wrong(&at, "triangle_count", (double)mesh->triangle_count, "it must be 0..2^29");
@@ -4266,14 +4266,14 @@ SPSI_COLD sps_result spsi_check_set(sps_context *context, const sps_particles *s
     return spsi_check_color(&at, "emission", set->emission, SPSI_VALUE_MAX);
 }
 
-/* Settings of a light's map; of a standalone one if light < 0. */
+/* Error subject: a light's map settings, or a standalone map's if light < 0. */
 static spsi_subject spsi_settings_of(sps_context *context, int light) {
     const spsi_subject at = {context, light < 0 ? SPS_OBJECT_TMAP_SETTINGS : SPS_OBJECT_LIGHT, light,
                              light < 0 ? "" : "shadow_map."};
     return at;
 }
 
-/* 0: the technique decides. */
+/* 0 components: the technique decides. */
 SPSI_COLD sps_result spsi_check_components(const spsi_subject *at, const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     const int least = spsi_components_least(settings), n = settings->components;
@@ -4324,7 +4324,7 @@ SPSI_COLD sps_result spsi_check_settings(const spsi_subject *at, const sps_tmap_
     return spsi_check_planes(at, &resolved);
 }
 
-/* The technique must match shadow_source. Depth ranges are fitted; surfaces have depth maps of their own. */
+/* The technique must match shadow_source. Depth range and bias must be 0. */
 SPSI_COLD sps_result spsi_check_shadow_map(const spsi_subject *at, const sps_light *light) {
     const sps_tmap_settings *settings = light->shadow_map;
     const spsi_subject part = spsi_settings_of(at->context, at->index);
@@ -4402,7 +4402,7 @@ SPSI_COLD sps_result spsi_check_light(sps_context *context, const sps_light *lig
         return context->result;
     memcpy(direction, light->direction, sizeof direction);
     if ((directional || light->outer_cone > 0 || light->projector) && !spsi_normalise(direction)) {
-        int k = 0; /* not finite, or the last zero */
+        int k = 0; /* first non-finite component, or the last */
         while (k < 2 && fabs(direction[k]) <= DBL_MAX) ++k;
         return spsi_wrong(&at, "direction", direction[k], "it must be finite and have a length");
     }
@@ -4475,14 +4475,13 @@ SPSI_COLD sps_result spsi_check_sampling(const spsi_subject *at, const int size[
     return spsi_check_bounded(at, numbers, sizeof numbers / sizeof *numbers);
 }
 
-#define SPSI_COVERAGE_MAX 8 /* per side; masks have 64 bits */
+#define SPSI_COVERAGE_MAX 8 /* samples per side; masks have 64 bits */
 
-#define SPSI_CELL_SIDE_MOST 256 /* longest side */
+#define SPSI_CELL_SIDE_MOST 256 /* cells along the longest side */
 #define SPSI_CELL_GRIDS     4   /* maximum, >>filling */
 
 SPSI_COLD int spsi_has_region(const int r[4]) { return r[0] || r[1] || r[2] || r[3]; }
 
-/* True if a budget chooses the settings. */
 SPSI_COLD int spsi_has_budget(const sps_view *view) { return view->budget_seconds > 0 || view->budget_error > 0; }
 
 SPSI_COLD sps_result spsi_check_budget(const spsi_subject *at, const sps_view *view) {
@@ -4551,7 +4550,7 @@ SPSI_COLD void spsi_resolve_quality(spsi_frame *frame) {
     if (!(frame->view.scattering_tolerance > 0)) frame->view.scattering_tolerance = 0.01f;
 }
 
-/* Needs rays->width and height. */
+/* Requires rays->width and height. */
 SPSI_COLD sps_result spsi_rays_build(sps_context *context, sps_object object, const sps_camera *camera,
                                      spsi_rays *rays) {
     const spsi_subject at = {context, object, -1, "camera."};
@@ -4618,7 +4617,7 @@ SPSI_COLD void spsi_material_ambient(const spsi_frame *frame, const float ambien
         memcpy(material->ambient, ambient, sizeof material->ambient);
 }
 
-/* Equal materials use one channel, unless emissive or classified. */
+/* Equal materials share a channel, unless emissive or classified. */
 SPSI_COLD int spsi_take_material(spsi_frame *frame, const spsi_material *material) {
     spsi_matter *matter = &frame->matter;
     int channel = material->emits || material->table ? matter->material_count : 0;
@@ -4734,7 +4733,7 @@ SPSI_COLD sps_result spsi_resolve_particles(sps_context *context, spsi_frame *fr
         if (frame->particles.set_count == SPSI_SETS_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particle_set_count",
                                    scene->particle_set_count, "at most 64 sets may hold particles");
-        /* no overflow of a 32-bit size_t: both at most SPSI_PARTICLES_MAX */
+        /* cannot overflow a 32-bit size_t: both are at most SPSI_PARTICLES_MAX */
         frame->particles.count += particles->count;
         if (frame->particles.count > SPSI_PARTICLES_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_PARTICLES, i, "count, with those before it,",
@@ -4766,7 +4765,7 @@ SPSI_COLD sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame
         spsi_placement_resolve(&scene->meshes[i].placement, &mesh.given.placement);
         if (spsi_check_placement(&at, &mesh.given.placement)) return context->result;
         if (mesh.given.triangle_count == 0) continue;
-        /* no overflow of a 32-bit size_t: both at most SPSI_FACES_MAX */
+        /* cannot overflow a 32-bit size_t: both are at most SPSI_FACES_MAX */
         meshes->triangle_count += mesh.given.triangle_count;
         meshes->textured_count += mesh.given.shade_fn ? mesh.given.triangle_count : 0;
         for (int c = 0; c < 3; ++c) {
@@ -4781,7 +4780,7 @@ SPSI_COLD sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame
     return SPS_OK;
 }
 
-/* Longer half axis for conjugate half axes u, v: larger singular value of (u v). */
+/* Semi-major axis for conjugate semi-axes u, v: larger singular value of (u v). */
 SPSI_COLD double spsi_ellipse_radius(const double u[3], const double v[3]) {
     const double a = spsi_dot(u, u), b = spsi_dot(v, v), c = spsi_dot(u, v);
     return sqrt(0.5 * (a + b + sqrt((a - b) * (a - b) + 4 * c * c)));
@@ -4817,8 +4816,8 @@ SPSI_COLD void spsi_projection_build(const sps_light *light, const double direct
     projection->focus = projector->focus > 0 ? 1 / projector->focus : 0;
 }
 
-/* Moves a projection from the light's centre to a point of it. The cookie stays put on the focal plane; for a
-   directional light, on that through its position. */
+/* Moves a projection to a point of an area light. The cookie stays put on the focal plane, which passes through a
+   directional light's position. */
 static void spsi_projection_move(const spsi_light *centre, spsi_light *point) {
     spsi_projection *projection = &point->projection;
     const double *forward = projection->forward;
@@ -4835,7 +4834,7 @@ static void spsi_projection_move(const spsi_light *centre, spsi_light *point) {
     }
 }
 
-/* Point light at (x, y) of an area light. Directional discs are uniform in solid angle: 1 - cos grows with the squared
+/* Point light at (x, y) on an area light. Directional discs are uniform in solid angle: 1 - cos grows with the squared
    radius. */
 SPSI_COLD void spsi_light_place(const spsi_light *light, double x, double y, spsi_light *point) {
     const spsi_light_extent *extent = &light->extent;
@@ -4883,7 +4882,7 @@ SPSI_COLD void spsi_light_build(const spsi_frame *frame, const sps_light *given,
     memcpy(light->color, given->color, sizeof light->color);
     light->samples = given->samples;
     light->cone.exists = outer > 0;
-    light->cone.none = spsi_dmax(2 * pow(sin(0.5 * outer), 2), 1e-30); /* narrower: no rim in floats */
+    light->cone.none = spsi_dmax(2 * pow(sin(0.5 * outer), 2), 1e-30); /* floats resolve no narrower rim */
     light->cone.rim = spsi_dmax(2 * sin(0.5 * (outer + inner)) * sin(0.5 * (outer - inner)), 1e-7 * light->cone.none);
     spsi_basis(light->direction, light->across[0], light->across[1]);
     if (given->projector) spsi_projection_build(given, light->direction, &light->projection);
@@ -4967,7 +4966,6 @@ SPSI_COLD sps_result spsi_resolve_lights(sps_context *context, spsi_frame *frame
     return spsi_resolve_points(context, frame);
 }
 
-/* 1 if all colors are grey, otherwise 3. */
 SPSI_COLD int spsi_count_channels(const spsi_frame *frame) {
     int grey = spsi_grey(frame->given.ambient) && spsi_grey(frame->given.background) && !frame->given.background_fn;
     for (int i = 0; i < frame->lights.count; ++i)
@@ -5023,11 +5021,11 @@ SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *sc
 
 /* =============================================================================================== >>gather
    10 Relevant voxels. Volumes are read in blocks; relevant voxels go into bricks of 8^3, 6 bytes each, in segments
-   that never move. Unclassified voxels are relevant if not 0. Classified ones lie within two voxels of a place where
-   some value up to the maximum of 3^3 neighbours has extinction. Two voxels cover 99.6 % of a kernel's weight. Cost:
+   that never move. Unclassified voxels are relevant if not 0. Classified ones are relevant within two voxels of one
+   whose 3^3 neighbourhood reaches a value with extinction. Two voxels cover 99.6 % of a kernel's weight. Cost:
    linear in voxels read. */
 
-#define SPSI_SEGMENT 16384 /* voxels; a brick is in one segment */
+#define SPSI_SEGMENT 16384 /* voxels; no brick spans two segments */
 #define SPSI_PADDING 16    /* entries after the last voxel, for vector loads */
 
 typedef struct spsi_segment {
@@ -5038,9 +5036,9 @@ typedef struct spsi_segment {
 
 typedef struct spsi_brick {
     int lattice, base[3];          /* first voxel */
-    unsigned char low[3], high[3]; /* range of its voxels' steps */
+    unsigned char low[3], high[3]; /* range of its voxels' coordinates */
     unsigned char layers[9];       /* per third in x and y (3, 3 and 2 voxels): mask of layers with voxels */
-    int segment, first, count;     /* range of voxels in a segment */
+    int segment, first, count;     /* segment; first voxel and count */
     float most;                    /* maximum value */
 } spsi_brick;
 
@@ -5049,7 +5047,7 @@ typedef struct spsi_block {
     const spsi_material *material;
     int low[3], size[3];           /* core plus margin, clipped to the volume */
     int core_low[3], core_high[3]; /* voxels to gather */
-    int empty;                     /* 1: nothing relevant, by range_fn */
+    int empty;                     /* 1: range_fn reports nothing relevant */
     int range_calls, calls;        /* number of range_fn calls; of other callbacks */
     int voxels_read, replaced;     /* replaced: invalid values */
     sps_result result;             /* SPS_ERROR_CALLBACK, or SPS_ERROR_DATA */
@@ -5062,10 +5060,10 @@ typedef struct spsi_block {
 #define SPSI_BLOCK_ROWS   (SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE)
 #define SPSI_BLOCK_BRICKS ((SPSI_BLOCK / SPSI_BRICK) * (SPSI_BLOCK / SPSI_BRICK) * (SPSI_BLOCK / SPSI_BRICK))
 
-/* Row masks begin at the lowest bit. */
+/* Row masks start at bit 0. */
 typedef struct spsi_voxels {
     spsi_block block;
-    int brick_voxels[SPSI_BLOCK_BRICKS]; /* relevant ones per brick */
+    int brick_voxels[SPSI_BLOCK_BRICKS]; /* relevant voxels per brick */
     int first_brick, brick_count;        /* bricks in the context's list */
     uint64_t relevant[SPSI_BLOCK_ROWS], shown[SPSI_BLOCK_ROWS];
     double positions[3 * SPSI_BLOCK_ROWS]; /* one layer, for eval_fn */
@@ -5102,7 +5100,7 @@ static size_t spsi_block_index(const spsi_block *block, int x, int y, int z) {
     return (size_t)(x - block->low[0]) + (size_t)block->size[0] * spsi_block_row(block, y, z);
 }
 
-/* Stores a callback's result, as workers do not report errors. Returns 1 on failure. */
+/* Stores a callback's result, as workers cannot report errors. Returns 1 on failure. */
 static int spsi_block_called(spsi_block *block, const char *callback, int returned) {
     if (returned) block->result = SPS_ERROR_CALLBACK, block->field = callback, block->number = returned;
     return returned != 0;
@@ -5163,7 +5161,7 @@ static inline int spsi_invalid_bits(spsi_v value) {
     return low | high | (numbers ^ SPSI_ALL_LANES);
 }
 
-/* Replaces invalid values by 0, or stops at the first. */
+/* Sets invalid values to 0, or stops at the first. */
 static void spsi_block_validate(spsi_voxels *voxels, int replace) {
     spsi_block *block = &voxels->block;
     float *value = voxels->values;
@@ -5212,14 +5210,14 @@ typedef struct spsi_reader {
     const spsi_material *material;
     int asks;               /* 1: call range_fn first */
     int replace;            /* 1: invalid values count as 0 */
-    spsi_call_stage part;   /* progress of this volume */
+    spsi_call_stage part;   /* this volume's progress range */
     int64_t block_count;
-    int at_once;            /* maximum in memory */
+    int at_once;            /* maximum blocks in memory */
     spsi_voxels *list;
     int count;
 } spsi_reader;
 
-/* Several per worker balance the load. */
+/* Several blocks per worker balance the load. */
 SPSI_COLD int spsi_blocks_at_once(const sps_context *context, const spsi_medium *medium) {
     const int workers = spsi_worker_count(context), most = workers > 1 ? 4 * workers : 1;
     const int64_t count = spsi_block_count(medium);
@@ -5236,7 +5234,7 @@ SPSI_COLD sps_result spsi_reader_open(sps_context *context, spsi_reader *reader)
     return reader->list ? SPS_OK : context->result;
 }
 
-/* NULL if the block is empty or invalid. Reads it if the volume is concurrent. */
+/* Returns a block's voxels, or NULL if empty or invalid. Reads them if the volume is concurrent. */
 static spsi_voxels *spsi_reader_values(const spsi_reader *reader, int index) {
     spsi_voxels *voxels = &reader->list[index];
     if (reader->medium->given.concurrent) spsi_block_read(voxels, reader->asks);
@@ -5256,8 +5254,8 @@ SPSI_COLD sps_result spsi_reader_read(sps_context *context, spsi_reader *reader,
     return SPS_OK;
 }
 
-/* Reads blocks from `first` on, and runs a task on each, which calls spsi_reader_values. Errors and statistics end at
-   the first failed block, whatever the number of workers. */
+/* Reads blocks from `first` on and runs a task on each, which must call spsi_reader_values. Errors and statistics end
+   at the first failed block, for any number of workers. */
 SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader, int64_t first, sps_task_fn task,
                                       void *data) {
     const int64_t left = reader->block_count - first;
@@ -5273,9 +5271,9 @@ SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader,
     return SPS_OK;
 }
 
-/* --- the relevant voxels of a block --- */
+/* --- relevant voxels of a block --- */
 
-/* Marks non-zero voxels as relevant, and voxels that the transfer function may show. Returns 1 if any matter. */
+/* Marks non-zero voxels as relevant, and potentially visible ones as shown. Returns 1 if any matter. */
 static int spsi_block_mark(spsi_voxels *voxels) {
     const spsi_material *material = voxels->block.material;
     const int width = voxels->block.size[0], rows = voxels->block.size[1] * voxels->block.size[2];
@@ -5298,7 +5296,7 @@ static int spsi_block_mark(spsi_voxels *voxels) {
     return any != 0;
 }
 
-/* Dilates masks by SPSI_MARGIN rows, `step` apart. */
+/* Dilates masks by SPSI_MARGIN rows at stride `step`. */
 static void spsi_rows_spread(uint64_t *rows, int count, int step) {
     uint64_t line[SPSI_BLOCK_EDGE + 2 * SPSI_MARGIN] = {0};
     SPSI_ROLLED for (int i = 0; i < count; ++i) line[SPSI_MARGIN + i] = rows[i * step];
@@ -5306,8 +5304,8 @@ static void spsi_rows_spread(uint64_t *rows, int count, int step) {
         for (int k = 0; k <= 2 * SPSI_MARGIN; ++k) rows[i * step] |= line[i + k];
 }
 
-/* Keeps voxels within three voxels of a visible value. One, because sums pass visible values on their slope to 0; two
-   more for kernels that contribute there. */
+/* Keeps voxels within three of a visible value. One, because sums pass visible values while falling to 0; two more for
+   kernels that contribute there. */
 static void spsi_block_spread(spsi_voxels *voxels) {
     const int height = voxels->block.size[1], depth = voxels->block.size[2];
     SPSI_ROLLED for (int row = 0; row < height * depth; ++row) {
@@ -5319,7 +5317,7 @@ static void spsi_block_spread(spsi_voxels *voxels) {
     SPSI_ROLLED for (int row = 0; row < height * depth; ++row) voxels->relevant[row] &= voxels->shown[row];
 }
 
-/* First voxel of a brick. Returns 0 if outside of the volume. */
+/* Finds a brick's first voxel. Returns 0 outside the volume. */
 static int spsi_block_brick(const spsi_block *block, int number, int base[3]) {
     const int edge = SPSI_BLOCK / SPSI_BRICK;
     int inside = 1;
@@ -5330,7 +5328,7 @@ static int spsi_block_brick(const spsi_block *block, int number, int base[3]) {
     return inside;
 }
 
-/* Relevant voxels of a brick's layer: 8 rows of 8 bits. */
+/* Mask of a brick layer's relevant voxels: 8 rows of 8 bits. */
 static uint64_t spsi_brick_layer(const spsi_voxels *voxels, const int base[3], int z) {
     const spsi_block *block = &voxels->block;
     const int height = spsi_imin(SPSI_BRICK, block->core_high[1] - base[1]);
@@ -5358,7 +5356,7 @@ static void spsi_block_task(void *data, int index, int worker) {
     }
 }
 
-/* Coordinates of voxel `i` in its brick. */
+/* Coordinate of voxel `i` in its brick. */
 static inline int spsi_segment_step(const spsi_segment *segment, int i, int axis) {
     return segment->place[i] >> SPSI_BRICK_BITS * axis & (SPSI_BRICK - 1);
 }
@@ -5485,7 +5483,7 @@ SPSI_COLD sps_result spsi_gather_medium(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Hash of everything that decides the stored voxels; 0 without a revision. */
+/* Hash of all that stored voxels depend on; 0 without a revision. */
 static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->given.replace_invalid, sizeof(int));
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -5606,7 +5604,7 @@ SPSI_COLD sps_result spsi_gather_set(sps_context *context, const spsi_frame *fra
                                      size_t *read, sps_particle *list) {
     for (size_t first = 0; first < set->given.count; first += SPSI_PARTICLE_BATCH) {
         const size_t left = set->given.count - first, count = left < SPSI_PARTICLE_BATCH ? left : SPSI_PARTICLE_BATCH;
-        sps_particle *batch = list + frame->content->particle_count; /* room suffices: kept no more than read */
+        sps_particle *batch = list + frame->content->particle_count; /* fits: no more are kept than read */
         if (spsi_progress(context, SPSI_PROGRESS_GATHER * (double)*read / (double)frame->particles.count))
             return context->result;
         memset(batch, 0, count * sizeof *batch);
@@ -5639,8 +5637,8 @@ SPSI_COLD void spsi_particle_bounds(const sps_particle *particle, spsi_bounds *b
     }
 }
 
-/* Mean extinction: of particles weighted by coverage, or mixed over their spread, whichever is larger. A cube of edge a
-   has a spread of a / 2. Soft particles count slightly thinner. At most 8192 are sampled. */
+/* Mean extinction of single particles, weighted by coverage, or of all mixed over their spread, whichever is larger. A
+   cube of edge a has a spread of a / 2. Soft particles count slightly thinner. At most 8192 are sampled. */
 static double spsi_measure_extinction(const spsi_frame *frame) {
     const spsi_content *content = frame->content;
     const int step = 1 + content->particle_count / 8192;
@@ -5661,7 +5659,7 @@ static double spsi_measure_extinction(const spsi_frame *frame) {
     return covered > 0 && volume > 0 ? spsi_dmax(mass / volume, sum / covered) : 0;
 }
 
-/* Bounds and means; stray particles hardly change means. */
+/* Measures bounds, and means that stray particles hardly change. */
 SPSI_COLD void spsi_measure_particles(const spsi_frame *frame) {
     double logs = 0, sum[3] = {0, 0, 0}, squares = 0, origin[3];
     if (frame->content->particle_count == 0) return;
@@ -5701,7 +5699,7 @@ SPSI_COLD sps_result spsi_gather_particles(sps_context *context, const spsi_fram
     return SPS_OK;
 }
 
-/* Binary search for an item's list. Lists are consecutive; ends are `apart` ints apart. */
+/* Binary search for an item's list. Lists are consecutive; `ends` has a stride of `apart`. */
 static int spsi_list_of(const int *ends, int apart, int count, int item) {
     int low = 0, high = count - 1;
     while (low < high) {
@@ -5718,19 +5716,19 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
     return &frame->particles.sets[spsi_list_of(frame->content->set_ends, 1, frame->particles.set_count, particle)];
 }
 
-/* --- bound of multiple scattering --- */
+/* --- bound on multiple scattering --- */
 
-#define SPSI_BOUND_NONE 1e6 /* bound if nothing limits it, per single scattering */
+#define SPSI_BOUND_NONE 1e6 /* bound if nothing limits it, relative to single scattering */
 
-/* True if media may scatter light again, light polygons or shadow them. */
+/* True if media may scatter light repeatedly, or light or shadow polygons. */
 static int spsi_light_meets_gas(const spsi_frame *frame) {
     const int own = frame->matter.emits || frame->has_ambient, polygons = frame->meshes.triangle_count > 0;
     const int lit = own || frame->lights.shadow_count > 0 || (frame->lights.count > 0 && polygons);
-    const int gas = frame->medium_count + frame->particles.set_count; /* may not scatter */
+    const int gas = frame->medium_count + frame->particles.set_count; /* scattering or not */
     return (lit && frame->matter.scatters) || (own && gas > 0 && polygons);
 }
 
-/* Upper bounds of extinction. A straight segment covers at least 1 / sqrt 3 of its length along some axis. So its
+/* Upper bounds on extinction. A straight segment spans at least 1 / sqrt 3 of its length along some axis. So its
    optical depth is at most sqrt 3 times the integral of plane maxima along that axis. */
 typedef struct spsi_bound_grid {
     spsi_bounds bounds;
@@ -5739,8 +5737,8 @@ typedef struct spsi_bound_grid {
 } spsi_bound_grid;
 
 #define SPSI_BOUND_SIDE  32  /* cells per axis */
-#define SPSI_BOUND_FEW   256 /* so few particles may touch any number of cells */
-#define SPSI_BOUND_MOST  512 /* cells per particle otherwise; larger ones count as everywhere */
+#define SPSI_BOUND_FEW   256 /* up to this many particles may touch any number of cells */
+#define SPSI_BOUND_MOST  512 /* cells per particle otherwise; larger ones count everywhere */
 #define SPSI_BOUND_CELLS (SPSI_BOUND_SIDE * SPSI_BOUND_SIDE * SPSI_BOUND_SIDE)
 #define SPSI_BOUND_BYTES (2 * SPSI_BOUND_CELLS * sizeof(float))
 
@@ -5764,7 +5762,7 @@ SPSI_COLD void spsi_bound_raise(const spsi_bound_grid *grid, const spsi_bounds *
             }
 }
 
-/* Maximum extinction up to the brick's maximum value, which kernels do not exceed. */
+/* Maximum extinction up to the brick's maximum value, which kernel sums do not exceed. */
 SPSI_COLD float spsi_brick_extinction(const spsi_material *material, const spsi_brick *brick) {
     float extinction = 0;
     if (!material->table) return brick->most * material->extinction;
@@ -5773,8 +5771,8 @@ SPSI_COLD float spsi_brick_extinction(const spsi_material *material, const spsi_
     return extinction;
 }
 
-/* Adds a particle to cells, each with its maximum density there, limited by total depth. Returns 0 if it touches more
-   than `touched`. */
+/* Adds a particle's maximum density in each cell, limited by its total depth. Returns 0 if it touches over `touched`
+   cells. */
 SPSI_COLD int spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_particle *particle,
                                       const spsi_particle_set *set, int touched) {
     const double radius = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2;
@@ -5803,7 +5801,7 @@ SPSI_COLD int spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_par
     return 1;
 }
 
-/* Upper bound of depth on straight segments. */
+/* Upper bound on straight segments' optical depth. */
 SPSI_COLD double spsi_bound_depth(const spsi_bound_grid *grid) {
     double most = 0;
     for (int axis = 0; axis < 3; ++axis) {
@@ -5835,7 +5833,7 @@ SPSI_COLD void spsi_bound_add_volumes(const sps_context *context, const spsi_fra
     }
 }
 
-/* Returns the depth of particles that are too large for the grid. */
+/* Returns the total depth of particles too large for the grid. */
 SPSI_COLD double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bound_grid *grid) {
     const int most = frame->content->particle_count <= SPSI_BOUND_FEW ? SPSI_BOUND_CELLS : SPSI_BOUND_MOST;
     double large = 0;
@@ -5847,7 +5845,7 @@ SPSI_COLD double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bo
     return large;
 }
 
-/* Upper bound of optical depth on any segment; -1 on failure. */
+/* Upper bound on any segment's optical depth; -1 on failure. */
 SPSI_COLD double spsi_densest_path(sps_context *context, const spsi_frame *frame) {
     float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_BOUND_GRID, 1, SPSI_BOUND_BYTES);
     if (!memory) return -1;
@@ -5880,8 +5878,8 @@ SPSI_COLD int spsi_polygons_scatter(const spsi_frame *frame) {
     return frame->meshes.triangle_count > 0 && (frame->matter.scatters || frame->matter.emits);
 }
 
-/* Resolves SPS_SCATTERING_AUTO. Each order is at most x times the last, x = max albedo * (1 - exp(-t)), where t bounds
-   optical depth. So multiple scattering is at most x / (1 - x) of single scattering; with polygons there is no
+/* Resolves SPS_SCATTERING_AUTO. Each order is at most x times the previous, x = max albedo * (1 - exp(-t)), where t
+   bounds optical depth. So multiple scattering is at most x / (1 - x) of single scattering; with polygons there is no
    bound. */
 SPSI_COLD sps_result spsi_decide_scattering(sps_context *context, spsi_frame *frame, double *bound) {
     *bound = 0;
@@ -5900,16 +5898,16 @@ SPSI_COLD sps_result spsi_decide_scattering(sps_context *context, spsi_frame *fr
 
 /* ================================================================================================ >>trees
    11 Bounding volume hierarchies of triangles and of the reference's particles. Built top-down by the surface area
-   heuristic, 16 bins along the axis of widest centres [Wald 2007]. Even a ground a million times wider than its objects
-   is separated at once. Boxes are floats about a centre, rounded outwards, and rays are padded by round-off, so no box
-   is missed; exact tests follow. Cost: items times levels, 0.3 us per item for a million; 36 bytes per item, 28 more
-   while building. */
+   heuristic, 16 bins along the axis of widest centre spread [Wald 2007]. Even a ground a million times wider than its
+   objects is separated at once. Boxes are floats about a centre, rounded outwards, and rays are padded for round-off,
+   so no box is missed; exact tests follow. Cost: items times levels, 0.3 us per item for a million; 36 bytes per item,
+   28 more while building. */
 
-#define SPSI_TREE_LEAF  4 /* maximum; the minimum is 2 unless the tree has 1 */
+#define SPSI_TREE_LEAF  4 /* maximum items; the minimum is 2 unless the tree has 1 */
 #define SPSI_TREE_BINS  16
 #define SPSI_TREE_DEPTH 48 /* deeper nodes are halved: 30 more levels for 2^31 items */
 #define SPSI_TREE_STACK 96
-#define SPSI_TREE_TASKS 64 /* approximate parallel subtrees */
+#define SPSI_TREE_TASKS 64 /* parallel subtrees, roughly */
 
 typedef struct spsi_tree_node {
     float low[3], high[3];
@@ -5931,7 +5929,7 @@ typedef struct spsi_tree_task {
     int node, depth;
 } spsi_tree_task;
 
-/* A float just above or below `a`, not always the next. */
+/* A float just above or below `a`, not always the nearest. */
 static float spsi_round_outward(double a, int above) {
     const double room = 1.2e-7 * fabs(a) + 1e-37;
     return (float)(above ? a + room : a - room);
@@ -5952,7 +5950,7 @@ static void spsi_tree_box_add(float low[3], float high[3], const float other_low
     }
 }
 
-/* Half the area; unit: 1 / the node's longest side, against overflow. */
+/* Half the area; unit: 1 / the node's longest side, to avoid overflow. */
 static float spsi_tree_area(const float low[3], const float high[3], float unit) {
     const float x = (high[0] - low[0]) * unit, y = (high[1] - low[1]) * unit, z = (high[2] - low[2]) * unit;
     return x >= 0 ? x * y + y * z + z * x : 0;
@@ -5968,7 +5966,7 @@ typedef struct spsi_tree_bin {
     int count;
 } spsi_tree_bin;
 
-/* Bins 0..last come first. last < 0: no cut. */
+/* Bins 0..last form the first child. last < 0: no cut. */
 typedef struct spsi_tree_cut {
     int axis, last;
     float start, scale;
@@ -6042,8 +6040,8 @@ static int spsi_tree_part(spsi_tree_item *items, int first, int end, const spsi_
     return first;
 }
 
-/* Makes a leaf, or splits and returns 1. Each side gets two items, so cuts are two apart. Hence a cut's position alone
-   decides where its nodes are stored, whichever task builds them. */
+/* Makes a leaf, or splits and returns 1. Each side gets at least two items, so cuts are two apart. Hence a cut's
+   position alone decides where its nodes are stored, whichever task builds them. */
 static int spsi_tree_split(spsi_tree *tree, spsi_tree_item *items, const spsi_tree_task *task,
                            spsi_tree_task next[2]) {
     spsi_tree_node *node = &tree->nodes[task->node], *children;
@@ -6101,7 +6099,7 @@ static spsi_tree_item *spsi_tree_reserve(sps_context *context, spsi_buffer_id no
     return tree->nodes && tree->order ? items : NULL;
 }
 
-/* Top nodes serially, subtrees in parallel. */
+/* Builds top nodes serially, subtrees in parallel. */
 static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tree_item *items) {
     spsi_tree_job job = {tree, items, {{0, 0}}, 1};
     const int few = spsi_imax(tree->count / SPSI_TREE_TASKS, 1024);
@@ -6147,7 +6145,7 @@ static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const do
     return range[0] <= range[1];
 }
 
-/* half: half width of the ray. The margin covers round-off of placing boxes and of exact tests. */
+/* half: half width of the ray. The margin covers round-off in box positions and exact tests. */
 static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const double half[3],
                                const spsi_tree_node *node) {
     double low[3], high[3], range[2], room = 0;
@@ -6165,7 +6163,7 @@ typedef struct spsi_walk {
     const spsi_tree *tree;
     double half[3];
     int stack[SPSI_TREE_STACK], top;
-    int next, end; /* range left in a leaf */
+    int next, end; /* items left in a leaf */
 } spsi_walk;
 
 static void spsi_walk_begin(const spsi_tree *tree, spsi_walk *walk) {
@@ -6175,7 +6173,7 @@ static void spsi_walk_begin(const spsi_tree *tree, spsi_walk *walk) {
     walk->top = tree->count > 0;
 }
 
-/* Next candidate, or -1. The ray may have been shortened. */
+/* Next candidate, or -1. The ray may be shortened between calls. */
 static int spsi_walk_on(spsi_walk *walk, const spsi_ray *ray) {
     while (walk->next == walk->end) {
         if (walk->top == 0) return -1;
@@ -6193,10 +6191,10 @@ static int spsi_walk_on(spsi_walk *walk, const spsi_ray *ray) {
 /* ============================================================================================= >>polygons
    12 Rasterisation by homogeneous edge functions [Olano & Greer 1997]. For corners h0, h1, h2 in ray space, a ray hits
    if all (h1 x h2) . (x, y, 1) have one sign. Nothing is clipped, not even behind the eye. Uncertain signs are
-   evaluated exactly, with the ray moved to (0, 0): a difference of two products. Ties are broken by moving the ray by
-   an infinitesimal (e, e^2). Signs depend on ray and edge alone and flip with its direction. So adjacent triangles
-   leave no gaps or overlaps, even at edges and corners. Cost: triangles times tile rows to cull, three edge functions
-   per pixel of a box. Rows are narrowed first; vectors inside are tested at their ends. */
+   evaluated exactly as a difference of two products, with the ray moved to (0, 0). Ties are broken by moving the ray by
+   an infinitesimal (e, e^2). Signs depend on ray and edge alone, and flip with the edge's direction. So adjacent
+   triangles leave no gaps or overlaps, even at edges and corners. Cost: triangles times tile rows to cull, three edge
+   functions per pixel of a box. Rows are narrowed first; vectors inside are tested at their ends. */
 
 typedef struct spsi_face {
     double position[3][3]; /* world space */
@@ -6227,14 +6225,14 @@ typedef struct spsi_hit {
     float weights[2]; /* barycentric, corners 1 and 2 */
 } spsi_hit;
 
-/* Input of shade_fn. */
+/* Input to shade_fn. */
 typedef struct spsi_face_texture {
     float uv[3][2];
-    uint32_t number; /* number in its mesh; degenerate ones are left out */
+    uint32_t number; /* index in its mesh; the list omits degenerate ones */
 } spsi_face_texture;
 
 typedef struct spsi_mesh_faces {
-    int end;      /* end of its faces */
+    int end;      /* one past its last face */
     int textures; /* texture index minus face index */
     int rows[2];  /* first and last row in which it is visible */
 } spsi_mesh_faces;
@@ -6242,7 +6240,7 @@ typedef struct spsi_mesh_faces {
 typedef struct spsi_faces {
     const spsi_face *list;
     int count;
-    double extent; /* maximum coordinate */
+    double extent; /* maximum absolute coordinate */
     spsi_tree tree;
     const spsi_face_texture *textures; /* NULL: no shade_fn */
     spsi_mesh_faces *meshes;           /* NULL: no shade_fn */
@@ -6267,13 +6265,13 @@ static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *
     for (int i = 0; i < 6 && mesh->given.shade_fn && wrong < 0; ++i)
         if (!(fabsf(t->uv[i / 2][i % 2]) <= FLT_MAX)) wrong = 3, value = (double)t->uv[i / 2][i % 2];
     if (wrong < 0) return SPS_OK;
-    for (int i = 0; i < 9 && wrong == 0; ++i) /* NaN has spread: find the original */
+    for (int i = 0; i < 9 && wrong == 0; ++i) /* NaN spreads to other coordinates: find the original */
         if (!(fabsf(t->position[i / 3][i % 3]) <= FLT_MAX)) value = (double)t->position[i / 3][i % 3];
     SPS_SNPRINTF(field, sizeof field, "triangle[%.0f].%s", (double)number, names[wrong]);
     return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, field, value, rules[wrong]);
 }
 
-/* Equal corners get equal bits. */
+/* Equal corners get identical bits. */
 static void spsi_to_world(const sps_placement *placement, const float local[3], double world[3]) {
     memcpy(world, placement->origin, sizeof placement->origin);
     for (int i = 0; i < 9; ++i)
@@ -6295,13 +6293,13 @@ static void spsi_face_normals(const spsi_mesh *mesh, const sps_triangle *triangl
     }
 }
 
-/* Depth at a pixel, clamped to the image. */
+/* Depth at a pixel clamped to the image. */
 static inline float spsi_hit_depth(const spsi_hit *hits, int width, int height, int x, int y) {
     const int row = spsi_imin(spsi_imax(y, 0), height - 1), column = spsi_imin(spsi_imax(x, 0), width - 1);
     return hits ? hits[(size_t)row * (size_t)width + (size_t)column].depth : SPSI_INFINITY;
 }
 
-/* Infinity without hits. */
+/* A vector's depths; infinity without hits. */
 static inline spsi_v spsi_hit_depths(const spsi_hit *hits, int width, int height, int x, int y) {
     float depth[SPSI_LANES];
     if (!hits) return spsi_set(SPSI_INFINITY);
@@ -6367,7 +6365,7 @@ SPSI_COLD sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *fr
     return SPS_OK;
 }
 
-/* Hash of everything that decides the faces; 0 without a revision. */
+/* Hash of all that faces depend on; 0 without a revision. */
 static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = SPSI_FINGERPRINT_START;
     for (int i = 0; i < frame->meshes.count; ++i) {
@@ -6452,10 +6450,10 @@ typedef struct spsi_edges {
     double depth[3];     /* t - depth_reference */
     double edge[3][3];   /* edges 12, 20, 01; positive inside */
     double rounding[3];  /* error bounds; infinite if nearly edge-on */
-    int side;            /* original sign; 0: unknown */
+    int side;            /* sign before flipping; 0: unknown */
 } spsi_edges;
 
-/* Corners are (x t, y t, t), or (x, y, 1) if orthographic. Shared ones are bit-identical. */
+/* Corners are (x t, y t, t), or (x, y, 1) if orthographic. Shared corners are bit-identical. */
 static void spsi_face_corners(const spsi_faces *faces, int index, const spsi_rays *rays, spsi_edges *e) {
     for (int i = 0; i < 3; ++i) {
         double offset[3];
@@ -6469,8 +6467,8 @@ static void spsi_face_corners(const spsi_faces *faces, int index, const spsi_ray
     }
 }
 
-/* Edge values have errors of at most 5 u times the sum of magnitudes, plus 4 u for moved corners. 32 u are allowed; u =
-   2^-53. The determinant is the sum of corner t times edge value, at any ray. */
+/* Errors of edge values are at most 5 u times the sum of magnitudes, plus 4 u for moved corners. 32 u are allowed; u =
+   2^-53. The determinant is the sum of corner t times edge value, for any ray. */
 static void spsi_face_edges(const spsi_faces *faces, int index, const spsi_rays *rays, spsi_edges *e) {
     double determinant = 0, rounding = 0, most[3][2];
     spsi_face_corners(faces, index, rays, e);
@@ -6491,7 +6489,7 @@ static void spsi_face_edges(const spsi_faces *faces, int index, const spsi_rays 
     for (int i = 0; i < 3 && e->side == 0; ++i) e->rounding[i] = HUGE_VAL;
 }
 
-/* Pixel bounds, inclusive; empty if x1 < x0. Faces that cross the eye's plane extend to infinity on that side. */
+/* Pixel bounds, inclusive; empty if x1 < x0. Where an edge crosses the eye's plane, the face extends to infinity. */
 static void spsi_face_box(const spsi_faces *faces, int index, const spsi_rays *rays, int box[4]) {
     const int last[2] = {rays->width - 1, rays->height - 1};
     spsi_edges e;
@@ -6529,7 +6527,7 @@ static int spsi_edge_sign(const double from[3], const double to[3], double x, do
     return sign;
 }
 
-/* True if all edges have the same sign: `side` unless 0. */
+/* True if all edge functions have one sign: `side` unless 0. */
 static int spsi_face_hit_exactly(const double corner[3][3], int side, double x, double y) {
     for (int i = 0; i < 3; ++i) {
         const int sign = spsi_edge_sign(corner[i], corner[(i + 1) % 3], x, y);
@@ -6551,14 +6549,14 @@ static inline int spsi_face_hit(const spsi_edges *e, double x, double y, double 
         sum += weights[i];
     }
     if (!certain && !spsi_face_hit_exactly(e->corner, e->side, x, y)) return 0;
-    if (!(sum > 0)) weights[0] = weights[1] = weights[2] = 1, sum = 3; /* ray in plane: any point */
+    if (!(sum > 0)) weights[0] = weights[1] = weights[2] = 1, sum = 3; /* ray in plane: any point serves */
     for (int i = 0; i < 3; ++i) weights[i] /= sum;
     return 1;
 }
 
-/* Narrows x0 .. x1 to row y, within a pixel at each end. */
+/* Narrows x0 .. x1 to row y's span, within a pixel at each end. */
 static void spsi_face_span(const spsi_edges *e, int y, int *x0, int *x1) {
-    for (int i = 0; i < 3 && *x1 - *x0 > 8; ++i) { /* fewer: testing beats dividing */
+    for (int i = 0; i < 3 && *x1 - *x0 > 8; ++i) { /* testing fewer beats dividing */
         const double slope = e->edge[i][0], value = e->edge[i][1] * y + e->edge[i][2] + e->rounding[i];
         if (slope > 0) *x0 = (int)spsi_dmin(spsi_dmax(*x0, -value / slope - 1), *x1 + 1);
         if (slope < 0) *x1 = (int)spsi_dmax(spsi_dmin(*x1, -value / slope + 1), *x0 - 1);
@@ -6581,7 +6579,7 @@ static void spsi_raster_box_task(void *data, int i) {
     spsi_face_box(raster->faces, i, raster->rays, raster->boxes + 4 * i);
 }
 
-/* Returns 0 on a miss or before the near plane. */
+/* Returns 0 on a miss or nearer than near_depth. */
 static inline int spsi_face_depth(const spsi_edges *e, const spsi_rays *rays, int x, int y, double w[3], double *t) {
     if (!spsi_face_hit(e, x, y, w)) return 0;
     *t = w[0] * e->depth[0] + w[1] * e->depth[1] + w[2] * e->depth[2];
@@ -6659,7 +6657,7 @@ static inline int spsi_raster_reaches(const spsi_raster *raster, int face, int y
     return box[2] >= box[0] && box[1] <= y1 && box[3] >= y0;
 }
 
-/* Clears rows first. Faces are drawn in order. */
+/* Clears rows, then draws faces in index order. */
 static void spsi_raster_rows(const spsi_raster *raster, int y0, int y1) {
     const spsi_hit nothing = {SPSI_INFINITY, -1, {0, 0}};
     const size_t first = (size_t)(y0 - raster->first_row) * (size_t)raster->pitch;
@@ -6687,14 +6685,14 @@ SPSI_COLD spsi_raster spsi_raster_begin(sps_context *context, const spsi_faces *
     return raster;
 }
 
-/* Rasterises opaque faces: into `hits` for the eye, `depths` and `numbers` for a light. */
+/* Rasterises opaque faces: into `hits` for the eye, else `depths` and `numbers`. */
 SPSI_COLD void spsi_rasterise(sps_context *context, const spsi_faces *faces, const spsi_rays *rays, spsi_hit *hits,
                               float *depths, int *numbers) {
     spsi_raster raster = spsi_raster_begin(context, faces, rays, hits, depths, numbers);
     spsi_parallel_items(context, spsi_tile_rows(rays), spsi_raster_band_task, &raster);
 }
 
-/* --- the surface at a pixel --- */
+/* --- surface at a pixel --- */
 
 typedef struct spsi_surface {
     double point[3];
@@ -6703,11 +6701,11 @@ typedef struct spsi_surface {
     double pixel;     /* world size */
 } spsi_surface;
 
-/* Intersects the face's plane, since float depth would put points behind it in grazing light. If the ray grazes,
+/* Intersects the face's plane: float depth could put points behind it, which shows in grazing light. If the ray grazes,
    projects the rasterised point. */
 static void spsi_surface_place(const spsi_face *face, const double plane[3], const double ray[3],
                                const double rasterised[3], double point[3]) {
-    const double facing = spsi_dot(plane, ray), grazing = 1e-16; /* squared cosine; below, the float is better */
+    const double facing = spsi_dot(plane, ray), grazing = 1e-16; /* squared cosine; below, float depth is better */
     double offset[3], way;
     spsi_along(face->position[0], rasterised, -1, offset);
     way = spsi_dot(plane, offset);
@@ -6724,7 +6722,7 @@ typedef struct spsi_points {
 } spsi_points;
 
 /* Raises shadow rays from the facet to the smooth surface, so that facets do not shadow lit neighbours [Hanika 2021,
-   "Hacking the Shadow Terminator"]. Flat meshes' round-off raises nothing. */
+   "Hacking the Shadow Terminator"]. Round-off on flat meshes raises nothing. */
 static void spsi_surface_raise(const spsi_face *face, const double weights[3], const double plane[3], int turned,
                                spsi_surface *surface) {
     const double side = turned ? -1 : 1; /* eye's side */
@@ -6763,7 +6761,7 @@ static void spsi_face_normal(const spsi_face *face, const spsi_hit *hit, const d
     if (!(spsi_dot(normal, normal) > 0)) memcpy(normal, plane, 3 * sizeof *plane);
 }
 
-/* Needs surface->point. plane: facet normal. */
+/* Requires surface->point. plane: facet normal. */
 static void spsi_surface_face(const spsi_face *face, const spsi_hit *hit, const double plane[3], const double ray[3],
                               spsi_surface *surface) {
     const int turned = spsi_dot(plane, ray) > 0;
@@ -6805,17 +6803,17 @@ static int spsi_mesh_of(const spsi_frame *frame, const spsi_faces *faces, int fa
 }
 
 /* ============================================================================================== >>layers
-   13 Layers: translucent polygons, and both sides of sampled edges. Fragments have coverage masks [Carpenter 1984].
-   They become layers by following samples front to back.
-       seen   = mean over samples of (mask) * (transmittance before): weight of its radiance.
+   13 Layers: translucent polygons, and both sides of antialiased edges. Fragments have coverage masks [Carpenter
+   1984]. Following samples front to back turns them into layers.
+       seen   = mean over samples of (mask) * (transmittance in front): weight of its radiance.
        behind = mean over samples of (transmittance behind): weight of all behind it.
-   Shading composites media and layers by depth without samples: media lie wholly before or behind a layer. Cost:
+   Shading composites media and layers by depth, not per sample: media lie wholly in front of or behind a layer. Cost:
    translucent faces, or all at N x N resolution, are rasterised twice, to count and to list. 16 bytes per fragment, 56
    per layer. */
 
 typedef struct spsi_fragment {
-    uint64_t mask; /* bit per sample, in rows */
-    float depth;   /* mean, t - depth_reference */
+    uint64_t mask; /* bit per sample, row by row */
+    float depth;   /* mean of t - depth_reference */
     int face;      /* face at the middle sample */
 } spsi_fragment;
 
@@ -6823,8 +6821,8 @@ typedef struct spsi_layer {
     spsi_hit hit;    /* depth: mean over its coverage */
     float at[2];     /* shading point, pixels from the centre */
     float seen[3];   /* weight of its radiance, media excluded */
-    float behind[3]; /* transmittance of this and all before */
-    float covered;   /* opacity that it adds, mean of colors */
+    float behind[3]; /* transmittance of this and all in front */
+    float covered;   /* opacity that it adds, averaged over colors */
     uint32_t pixel;
 } spsi_layer;
 
@@ -6837,7 +6835,7 @@ typedef struct spsi_layers {
 #define SPSI_LAYER_ROWS 8 /* per task */
 
 typedef struct spsi_layer_scratch {
-    float *depths;   /* nearest opaque */
+    float *depths;   /* nearest opaque depth */
     int *numbers;    /* its face */
     uint64_t *masks; /* per pixel: samples that see a face */
     double *sums;
@@ -6849,7 +6847,7 @@ typedef struct spsi_layers_job {
     const spsi_rays *rays; /* pixels */
     spsi_rays fine;        /* samples */
     spsi_raster raster;    /* fine rays */
-    int samples;           /* per side */
+    int samples;           /* per pixel side */
     spsi_hit *hits;        /* pixel centres; NULL: no opaque faces */
     char *scratch;
     uint32_t *first;       /* counts, then starts, see spsi_fragment_add */
@@ -6901,7 +6899,7 @@ static int spsi_mask_middle(uint64_t mask, int samples) {
 
 /* --- fragments of translucent faces --- */
 
-/* seen: range of pixels. */
+/* seen: range of covered pixels. */
 static void spsi_translucent_row(const spsi_layers_job *job, const spsi_layer_scratch *scratch, const spsi_edges *e,
                                  int face, int y, int seen[2]) {
     const int n = job->samples, *box = job->raster.boxes + 4 * face, width = job->fine.width;
@@ -6946,7 +6944,7 @@ typedef struct spsi_group {
     double color[3];
 } spsi_group;
 
-#define SPSI_GROUP_COSINE 0.97       /* normals, 14 degrees */
+#define SPSI_GROUP_COSINE 0.97       /* between normals: 14 degrees */
 #define SPSI_GROUP_COLOR  (1 / 64.0) /* maximum difference */
 #define SPSI_GROUP_DEPTH  0.5        /* distance from the plane, in pixels */
 
@@ -7033,7 +7031,7 @@ static void spsi_group_add(const spsi_layers_job *job, const spsi_layer_scratch 
     spsi_fragment_add(job, (size_t)y * (size_t)job->rays->width + (size_t)x, &fragment);
 }
 
-/* True if all samples match the centre's face, or miss. */
+/* True if all samples hit the centre's face, or all miss. */
 static int spsi_pixel_is_even(const spsi_layers_job *job, const spsi_layer_scratch *scratch, int face, int x, int y) {
     const int n = job->samples;
     for (int i = 0; i < n * n; ++i)
@@ -7041,8 +7039,8 @@ static int spsi_pixel_is_even(const spsi_layers_job *job, const spsi_layer_scrat
     return 1;
 }
 
-/* Adds nothing if the pixel shows one surface. When listing, its hit becomes a bare depth: media end at the deepest
-   fragment, if no sample is open. */
+/* Adds nothing if the pixel shows one surface. When listing, its hit then only ends media: at the deepest fragment, or
+   infinity if a sample misses. */
 static void spsi_edge_fragments(const spsi_layers_job *job, const spsi_layer_scratch *scratch, int x, int y) {
     const int n = job->samples;
     spsi_hit *hit = &job->hits[(size_t)y * (size_t)job->rays->width + (size_t)x];
@@ -7087,7 +7085,7 @@ static void spsi_layers_task(void *data, int index, int worker) {
         for (int x = 0; x < eye->width; ++x) spsi_edge_fragments(job, &scratch, x, y);
 }
 
-/* Orders by depth, then face. [Shell 1959] */
+/* Sorts by depth, then face [Shell 1959]. */
 static void spsi_fragments_sort(spsi_fragment *list, uint32_t count) {
     for (uint32_t gap = count > 16 ? count / 3 : 1; gap > 0; gap = gap > 2 ? gap * 4 / 10 : gap - 1)
         SPSI_ROLLED for (uint32_t i = gap; i < count; ++i) {
@@ -7101,7 +7099,7 @@ static void spsi_fragments_sort(spsi_fragment *list, uint32_t count) {
         }
 }
 
-/* Shades a layer at the centroid of its samples, where light is closest to its mean. If that misses the face: at the
+/* Shades a layer at the centroid of its samples, where light is closest to its mean. If that misses the face, uses the
    nearest sample. */
 static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fragment, uint32_t pixel,
                              spsi_layer *layer) {
@@ -7127,7 +7125,7 @@ static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fr
     layer->pixel = pixel;
 }
 
-#define SPSI_LAYERS_ORDERED 16 /* fragments that samples sort themselves */
+#define SPSI_LAYERS_ORDERED 16 /* maximum fragments sorted per sample */
 
 /* A pixel's fragments with depths per sample. */
 typedef struct spsi_stack {
@@ -7162,13 +7160,13 @@ static void spsi_stack_build(const spsi_layers_job *job, uint32_t pixel, spsi_st
     }
 }
 
-/* True if a is before b. Opaque ones are last: nothing behind them is listed. */
+/* True if a precedes b. Opaque ones are last: nothing behind them is listed. */
 static int spsi_stack_before(const spsi_stack *stack, int a, int b, int sample) {
     if (!stack->translucent[a] || !stack->translucent[b]) return stack->translucent[a] > stack->translucent[b];
     return stack->depths[a][sample] < stack->depths[b][sample];
 }
 
-/* Nearest first. Returns their number. */
+/* Lists a sample's fragments, nearest first. Returns their number. */
 static int spsi_stack_of_sample(const spsi_stack *stack, int sample, int order[SPSI_LAYERS_ORDERED]) {
     int count = 0;
     SPSI_ROLLED for (int i = 0; i < stack->count; ++i) {
@@ -7194,13 +7192,13 @@ static void spsi_layer_pass(const spsi_layers_job *job, const spsi_fragment *fra
     layer->hit.depth += layer->covered > 0 ? covered / layer->covered * (depth - layer->hit.depth) : 0;
 }
 
-/* Samples use their own order, or the pixel's if there are many fragments. */
+/* Follows samples in their own order, or the pixel's if fragments are many. */
 static void spsi_layers_follow(const spsi_layers_job *job, const spsi_stack *stack, spsi_layer *layers) {
     SPSI_ROLLED for (int k = 0; k < job->samples * job->samples; ++k) {
         float through[3] = {1, 1, 1};
         int order[SPSI_LAYERS_ORDERED], count;
         if (job->samples == 1 || stack->count > SPSI_LAYERS_ORDERED) {
-            SPSI_ROLLED for (int i = 0; i < 2 * stack->count; ++i) { /* opaque ones last, as in samples' order */
+            SPSI_ROLLED for (int i = 0; i < 2 * stack->count; ++i) { /* opaque ones last, as per sample */
                 const spsi_fragment *fragment = &stack->list[i % stack->count];
                 if (spsi_face_is_translucent(&job->faces->list[fragment->face]) != (i < stack->count)) continue;
                 if (fragment->mask >> k & 1)
@@ -7214,7 +7212,7 @@ static void spsi_layers_follow(const spsi_layers_job *job, const spsi_stack *sta
     }
 }
 
-/* Transmittance behind each layer; sums become means. */
+/* Computes transmittance behind each layer; turns sums into means. */
 static void spsi_layers_accumulate(const spsi_layers_job *job, const spsi_stack *stack, spsi_layer *layers) {
     const int samples = job->samples * job->samples;
     float through[3][SPSI_COVERAGE_MAX * SPSI_COVERAGE_MAX];
@@ -7255,7 +7253,7 @@ SPSI_COLD int spsi_has_layers(const spsi_frame *frame) {
     return frame->meshes.triangle_count > 0 && (frame->meshes.translucent || frame->view.coverage_samples > 1);
 }
 
-/* Other passes may have used the pixel boxes: recompute them. */
+/* Recomputes faces' pixel boxes, which other passes may have overwritten. */
 static void spsi_fragments_pass(sps_context *context, spsi_layers_job *job, int listing) {
     const int bands = (job->rays->height + SPSI_LAYER_ROWS - 1) / SPSI_LAYER_ROWS;
     if (!listing) memset(job->first, 0, (spsi_ray_count(job->rays) + 2) * sizeof *job->first);
@@ -7264,7 +7262,7 @@ static void spsi_fragments_pass(sps_context *context, spsi_layers_job *job, int 
     spsi_parallel(context, bands, spsi_layers_task, job);
 }
 
-/* SIZE_MAX if too many. */
+/* Returns SIZE_MAX if too many. */
 SPSI_COLD size_t spsi_fragments_count(sps_context *context, spsi_layers_job *job) {
     spsi_fragments_pass(context, job, 0);
     const uint64_t sum = spsi_running_sums(job->first + 2, spsi_ray_count(job->rays));
@@ -7304,9 +7302,9 @@ SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *f
 }
 
 /* ============================================================================================ >>surfaces
-   14 Visible surfaces and their shadow rays. Polygons shadow each other exactly: one ray per point and light through a
-   tree, without texels or bias. Translucent triangles filter rays by color. Media use depth maps, >>depthmaps. Cost:
-   tree height per point and light. */
+   14 Visible surfaces and their shadow rays. Polygons shadow each other exactly: one ray per point and light through
+   a tree, without texels or bias. Translucent triangles filter rays by color. Media use depth maps, >>depthmaps.
+   Cost: tree height per ray. */
 
 /* --- shade_fn --- */
 
@@ -7319,7 +7317,7 @@ typedef struct spsi_appearance {
 typedef struct spsi_shading_point {
     const spsi_hit *hit;
     int x, y;
-    double at[2]; /* exact ray */
+    double at[2]; /* exact pixel coordinates */
     size_t index; /* pixel, or pixel count + layer */
 } spsi_shading_point;
 
@@ -7356,7 +7354,7 @@ static int spsi_in_region(const spsi_frame *frame, int x, int y) {
     return column >= 0 && row >= 0 && column < region[2] && row < region[3];
 }
 
-/* SIZE_MAX: outside the region. */
+/* Returns SIZE_MAX outside the region. */
 static size_t spsi_surface_index(const spsi_frame *frame, const spsi_shading_point *place) {
     const int *region = frame->view.region, column = place->x - region[0], row = place->y - region[1];
     const size_t pixels = spsi_ray_count(&frame->content->eye);
@@ -7365,7 +7363,7 @@ static size_t spsi_surface_index(const spsi_frame *frame, const spsi_shading_poi
                                  : (size_t)region[2] * (size_t)region[3] + place->index - pixels;
 }
 
-/* NULL: shade_fn set nothing. */
+/* Returns NULL if shade_fn set nothing. */
 static const sps_surface *spsi_surface_set(const spsi_frame *frame, const sps_surface *set,
                                            const spsi_shading_point *place) {
     const size_t at = set ? spsi_surface_index(frame, place) : SIZE_MAX;
@@ -7383,7 +7381,7 @@ static void spsi_appearance_at(const spsi_faces *faces, const spsi_hit *hit, con
 
 #define SPSI_SURFACE_BATCH 4096 /* maximum points per call */
 
-/* Points of one mesh for its shade_fn, by rows; layers follow a pixel's hit. */
+/* Points of one mesh for its shade_fn, row by row; layers follow a pixel's hit. */
 typedef struct spsi_surface_batch {
     const spsi_frame *frame;
     const spsi_faces *faces;
@@ -7395,7 +7393,7 @@ typedef struct spsi_surface_batch {
     sps_surface out[SPSI_SURFACE_BATCH];
 } spsi_surface_batch;
 
-/* Change of weights to the next pixel, whose ray is `step` away, in the plane of edges u and v. */
+/* Change of barycentric weights to the next pixel, whose ray differs by `step`. u, v: the triangle's edges. */
 static void spsi_weights_step(const double ray[3], const double step[3], const double u[3], const double v[3],
                               double change[3]) {
     double n[3], across[3], along[3];
@@ -7412,7 +7410,7 @@ static double spsi_uv_mean(const spsi_face_texture *texture, const double w[3], 
     return w[0] * (double)texture->uv[0][i] + w[1] * (double)texture->uv[1][i] + w[2] * (double)texture->uv[2][i];
 }
 
-/* Screen derivative; axis: the eye's a for x, b for y. */
+/* Screen-space derivative; axis: the eye's a for x, b for y. */
 static void spsi_uv_step(const spsi_rays *eye, const spsi_face *face, const spsi_face_texture *texture,
                          const spsi_shading_point *at, double depth, const double axis[3], float change[2]) {
     double ray[3], step[3], u[3], v[3], w[3];
@@ -7425,7 +7423,7 @@ static void spsi_uv_step(const spsi_rays *eye, const spsi_face *face, const spsi
     for (int i = 0; i < 2; ++i) change[i] = (float)spsi_dmax(-1e30, spsi_dmin(1e30, spsi_uv_mean(texture, w, i)));
 }
 
-/* Output defaults to the mesh's color. */
+/* Output defaults to the mesh's albedo. */
 static void spsi_surface_point_task(void *data, int index) {
     spsi_surface_batch *batch = (spsi_surface_batch *)data;
     const spsi_rays *eye = &batch->frame->content->eye;
@@ -7485,7 +7483,7 @@ static void spsi_pixel_layers(const spsi_visible *visible, size_t pixel, size_t 
     for (size_t i = 0; i < 2; ++i) range[i] = visible->layers.first ? visible->layers.first[pixel + i] : 0;
 }
 
-/* Finds the rows of each mesh, so that many meshes do not each search the whole image. */
+/* Finds the rows each mesh covers, so that meshes do not each scan the image. */
 static void spsi_surface_rows(const spsi_surface_batch *batch) {
     spsi_mesh_faces *meshes = batch->faces->meshes;
     const spsi_visible *visible = batch->visible;
@@ -7504,7 +7502,7 @@ static void spsi_surface_rows(const spsi_surface_batch *batch) {
         }
 }
 
-/* Adds a pixel's points of the batch's mesh. */
+/* Adds a pixel's points on the batch's mesh. */
 SPSI_COLD sps_result spsi_surface_batch_add(sps_context *context, spsi_surface_batch *batch, int x, int y,
                                             sps_surface *set) {
     const spsi_visible *visible = batch->visible;
@@ -7561,18 +7559,18 @@ SPSI_COLD sps_result spsi_textures(sps_context *context, const spsi_frame *frame
 
 typedef struct spsi_packet {
     double origin[3][SPSI_PACKET], toward[3][SPSI_PACKET];
-    double reach;         /* light's parameter; infinity if directional */
+    double reach;         /* light's ray parameter; infinity if directional */
     double rounding;      /* round-off of world coordinates */
     int on_faces;         /* 0: rays from media need no margin */
-    int own[SPSI_PACKET]; /* face of origin, ignored; -1: none */
+    int own[SPSI_PACKET]; /* face a ray starts on, ignored; -1: none */
     int count;            /* vectors in use */
-    int open;             /* mask: unoccluded */
-    int filtered;         /* mask: filtered */
-    /* Translucent optical depth per color, in units of 2^-32. Integer sums do not depend on order. */
+    int open;             /* mask: unoccluded rays */
+    int filtered;         /* mask: filtered rays */
+    /* Translucent optical depth per color, 32.32 fixed point. Integer sums do not depend on order. */
     uint64_t filter[3][SPSI_PACKET];
-    float above[3][SPSI_PACKET];   /* origins from the tree's centre, plus margin */
+    float above[3][SPSI_PACKET];   /* origins relative to the tree's centre, plus margin */
     float below[3][SPSI_PACKET];   /* origins minus margin */
-    float inverse[3][SPSI_PACKET]; /* toward; reciprocal while tracing */
+    float inverse[3][SPSI_PACKET]; /* `toward`; its reciprocal while tracing */
 } spsi_packet;
 
 static void spsi_packet_begin(const spsi_faces *faces, int is_direction, int on_faces, spsi_packet *packet) {
@@ -7582,7 +7580,7 @@ static void spsi_packet_begin(const spsi_faces *faces, int is_direction, int on_
     packet->rounding = 16 * DBL_EPSILON * faces->extent;
 }
 
-/* room: rounding of the origin and of box differences. Reciprocals stay finite: no box is 1e30 widths away. */
+/* `room` covers rounding of origins and box differences. Reciprocals stay finite: no box is 1e30 widths away. */
 static void spsi_packet_add(const spsi_tree *tree, int at, int own, const double origin[3], const double toward[3],
                             spsi_packet *packet) {
     double offset[3], room = 0;
@@ -7621,15 +7619,15 @@ static inline int spsi_packet_meets(const spsi_packet *packet, const spsi_tree_n
     return bits & packet->open;
 }
 
-/* d . (a x b): side of edge a, b that a ray from 0 along d passes. */
+/* d . (a x b): the sign tells which side of edge ab a ray from 0 along d passes. */
 static inline double spsi_edge_side(const double a[3], const double b[3], const double d[3]) {
     return d[0] * (a[1] * b[2] - a[2] * b[1]) + d[1] * (a[2] * b[0] - a[0] * b[2]) + d[2] * (a[0] * b[1] - a[1] * b[0]);
 }
 
 static inline double spsi_reach_of(const double a[3]) { return fabs(a[0]) + fabs(a[1]) + fabs(a[2]); }
 
-/* True if d passes between corners relative to its origin. Uncertain signs count as inside: no ray slips between faces,
-   whatever compilers contract. Round-off is below 8 * 2^-53 of the lengths' product, bounded by component sums. */
+/* True if d passes between corners, relative to the ray's origin. Uncertain signs count as inside: no ray slips between
+   faces, even with FMA contraction. Round-off is below 8 * 2^-53 of the lengths' product, bounded by component sums. */
 static inline int spsi_edges_contain(const double a[3], const double b[3], const double c[3], const double d[3],
                                      double ab, double bc, double ac) {
     const double ra = spsi_reach_of(a), rb = spsi_reach_of(b), rc = spsi_reach_of(c), rab = ra > rb ? ra : rb;
@@ -7637,8 +7635,8 @@ static inline int spsi_edges_contain(const double a[3], const double b[3], const
     return ((ab >= -room) & (bc >= -room) & (ac <= room)) | ((ab <= room) & (bc <= room) & (ac >= -room));
 }
 
-/* Mask of rays that a face occludes. On faces, it must be ahead by more than round-off of world and mesh. So adjacent
-   or coincident faces do not self-shadow, and no adjacency is needed. */
+/* Mask of rays that a face occludes. For rays from faces, it must be ahead by more than round-off of world and mesh. So
+   adjacent or coincident faces do not self-shadow, without adjacency data. */
 static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int first) {
     const double *p = face->position[0], *q = face->position[1], *r = face->position[2];
     double n[3], room, stops[SPSI_LANES];
@@ -7663,8 +7661,8 @@ static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int
     return bits;
 }
 
-/* Exact: rays through a common edge or corner cross one face. Corners are projected along the ray, with equal bits for
-   all faces. */
+/* Exact: a ray through a shared edge or corner crosses exactly one face. Corners are projected along the ray,
+   bit-identically for all faces. */
 static int spsi_face_passes(const spsi_face *face, const double origin[3], const double toward[3]) {
     const int along = spsi_cube_face_of(toward) / 2;
     double corner[3][3];
@@ -7680,7 +7678,7 @@ static int spsi_face_passes(const spsi_face *face, const double origin[3], const
     return spsi_face_hit_exactly((const double(*)[3])corner, 0, 0, 0);
 }
 
-/* Units of 2^-32, at most 86: 4e7 do not overflow. */
+/* 32.32 fixed-point depth, at most 86: sums of 4e7 fit. */
 static uint64_t spsi_filter_of(float transmittance) {
     const double depth = transmittance > 0 ? -log((double)transmittance) : (double)SPSI_DEPTH_MAX;
     return (uint64_t)(spsi_dmin(depth, 86) * 4294967296.0);
@@ -7699,7 +7697,7 @@ static void spsi_packet_filter(const spsi_face *face, int number, spsi_packet *p
     }
 }
 
-/* Transmittance by color. */
+/* Transmittance per color. */
 static void spsi_packet_through(const spsi_packet *packet, int at, double through[3]) {
     for (int c = 0; c < 3; ++c) {
         const double depth = (double)packet->filter[c][at] / 4294967296.0;
@@ -7707,7 +7705,7 @@ static void spsi_packet_through(const spsi_packet *packet, int at, double throug
     }
 }
 
-/* Occluded rays are closed; translucent faces filter them. */
+/* Closes occluded rays; translucent faces filter them. */
 static void spsi_packet_meet_face(const spsi_faces *faces, int number, int bits, spsi_packet *packet) {
     if (spsi_face_is_translucent(&faces->list[number])) {
         spsi_packet_filter(&faces->list[number], number, packet);
@@ -7742,7 +7740,7 @@ static void spsi_packet_trace(const spsi_faces *faces, spsi_packet *packet) {
 
 /* --- faces near a point --- */
 
-/* True if the plane cuts a box. */
+/* True if the face's plane cuts a cube. */
 static int spsi_face_near(const spsi_face *face, const double centre[3], double half) {
     double plane[3], offset[3];
     spsi_face_plane(face, plane);
@@ -7750,7 +7748,7 @@ static int spsi_face_near(const spsi_face *face, const double centre[3], double 
     return fabs(spsi_dot(plane, offset)) <= half * (fabs(plane[0]) + fabs(plane[1]) + fabs(plane[2]));
 }
 
-/* True if a face's box and plane cut a box. */
+/* True if some face's bounds and plane cut a box. */
 static int spsi_faces_near(const spsi_faces *faces, const double centre[3], const double half[3]) {
     const double most = spsi_dmax(half[0], spsi_dmax(half[1], half[2]));
     const spsi_ray still = {{centre[0], centre[1], centre[2]}, {0, 0, 0}, 0, 0};
@@ -7766,7 +7764,7 @@ static int spsi_faces_near(const spsi_faces *faces, const double centre[3], cons
 /* --- faces between a surface and a box --- */
 
 /* True if a face may block light from a box to a surface: it rises above the surface, and its plane lies between them.
-   Allows half the margin of spsi_face_stops. */
+   Uses half the margin of spsi_face_stops. */
 static int spsi_face_between(const spsi_faces *faces, int number, const double start[3], const double normal[3],
                              const spsi_bounds *from) {
     const spsi_face *face = &faces->list[number];
@@ -7797,7 +7795,7 @@ static int spsi_face_between(const spsi_faces *faces, int number, const double s
     return (side[1] > 0 && own < -room) || (side[0] < 0 && own > room);
 }
 
-/* True if an opaque face but `own` may block light from a box to a surface. */
+/* True if an opaque face other than `own` may block light from a box to a surface. */
 static int spsi_faces_between(const spsi_faces *faces, int own, const double start[3], const double normal[3],
                               const spsi_bounds *from) {
     spsi_ray still;
@@ -7819,7 +7817,7 @@ static int spsi_faces_between(const spsi_faces *faces, int own, const double sta
 
 /* --- the nearest face on a ray --- */
 
-/* With `rounding`, hits must be ahead by more than that. Sets t and weights on a hit only. */
+/* If `rounding` > 0, hits must be farther ahead than that. Sets weights on a hit only. */
 static int spsi_face_meets(const spsi_face *face, const spsi_ray *ray, double rounding, double *t, float weights[2]) {
     const double *d = ray->direction;
     double a[3], b[3], c[3], n[3], room, ab, bc, ac, facing, ahead;
@@ -7842,7 +7840,7 @@ static int spsi_face_meets(const spsi_face *face, const spsi_ray *ray, double ro
     return 1;
 }
 
-/* Shortens the ray. own: face to ignore; -1: none. */
+/* Ends the ray at the nearest face. own: face to ignore; -1: none. */
 static void spsi_ray_to_face(const spsi_faces *faces, int own, spsi_ray *ray, spsi_hit *hit) {
     spsi_walk walk;
     int number;
@@ -7858,7 +7856,7 @@ static void spsi_ray_to_face(const spsi_faces *faces, int own, spsi_ray *ray, sp
     }
 }
 
-/* Skips translucent faces. */
+/* Likewise, skipping translucent faces. */
 static int spsi_ray_to_opaque(const spsi_faces *faces, spsi_ray *ray, spsi_hit *hit) {
     const double high = ray->high;
     for (;;) {
@@ -7900,10 +7898,10 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
 /* ================================================================================================ >>lights
    15 Lights, and ray grids over everything they may shadow. */
 
-#define SPSI_PARTICLE_EDGE 0.7 /* radii, >>slicing */
-#define SPSI_GROUP_MOST    8   /* slabs shaded at once */
+#define SPSI_PARTICLE_EDGE 0.7 /* voxel edge in radii, >>slicing */
+#define SPSI_GROUP_MOST    8   /* maximum slabs shaded at once */
 #define SPSI_GROUP_SLAB    2   /* sps_view.slab_thickness above which slabs stay ungrouped, and cheap */
-#define SPSI_FINE_PIXELS   1.7 /* times texel_pixels: smallest texel of dense particles */
+#define SPSI_FINE_PIXELS   1.7 /* smallest texel for dense particles, in texel_pixels */
 #define SPSI_FINE_SLABS    40  /* maximum number of refined slabs, at slab_thickness 1 */
 #define SPSI_TEXELS_ALIKE  "cannot tell its texels apart so far from the world's origin"
 
@@ -7916,8 +7914,8 @@ static void spsi_light_direction(const spsi_light *light, const double point[3],
     spsi_normalise(direction);
 }
 
-/* Refinement in dense particles, where radiance changes within an optical depth of 1; limited for clouds many particles
-   deep. */
+/* Refinement for dense particles, where radiance changes within an optical depth of 1. Limited for clouds many
+   particles deep. */
 static double spsi_particle_fineness(const spsi_frame *frame) {
     const spsi_content *content = frame->content;
     const double edge = SPSI_PARTICLE_EDGE * content->particle_radius, depth = edge * content->particle_extinction;
@@ -7971,7 +7969,7 @@ SPSI_COLD int spsi_rays_fit(const spsi_light *light, const spsi_bounds *bounds, 
     return spsi_rays_complete(rays);
 }
 
-/* Maximum for sheets, unless shadow_resolution is set. */
+/* Maximum sheet resolution, unless shadow_resolution is set. */
 SPSI_COLD int spsi_light_texels_most(const spsi_frame *frame) {
     return frame->medium_count > 0 ? 4096 : frame->accuracy.depth_map_texels;
 }
@@ -8012,7 +8010,7 @@ SPSI_COLD int spsi_has_shadow_table(const spsi_light *light) {
 #define SPSI_SHADOW_TABLE_TEXELS_MOST 256 /* on a side, by default */
 
 SPSI_COLD int spsi_map_texels_most(const spsi_frame *frame, const spsi_light *light) {
-    const double share = cbrt((double)spsi_imax(1, light->tables)); /* one table's memory is split among all */
+    const double share = cbrt((double)spsi_imax(1, light->tables)); /* all tables divide the memory of one */
     return spsi_has_shadow_table(light) ? (int)(SPSI_SHADOW_TABLE_TEXELS_MOST / share) : spsi_light_texels_most(frame);
 }
 
@@ -8022,8 +8020,8 @@ SPSI_COLD int spsi_has_shadow_tables(const spsi_frame *frame) {
     return 0;
 }
 
-/* Desired world size of texels: a voxel's breadth, or half of a particle's equivalent voxel edge, since its rim is
-   sharper. Particles alone never exceed a depth map's texels. */
+/* Desired world size of texels: a voxel's breadth, or half a particle's equivalent voxel edge, since its rim is
+   sharper. Particles alone never need more texels than a depth map. */
 SPSI_COLD double spsi_light_texel(const spsi_frame *frame, const spsi_light *light) {
     double centre[3], forward[3], right[3], down[3], across[3], size = HUGE_VAL, own;
     spsi_bounds_centre(&frame->content->bounds, centre);
@@ -8042,13 +8040,13 @@ SPSI_COLD double spsi_light_texel(const spsi_frame *frame, const spsi_light *lig
 }
 
 /* --- pixels wider than voxels ---
-   Shadows and slabs need not be finer than pixels resolve. A texel's filter has 1/8 to 1/2 square texels, lookups add
-   1/6. Texels of 0.6 pixels blur by at most 1/4 square pixel, like the pixel filter; draft allows twice that.
-   Classified volumes cannot be filtered, so pixels get two texels per axis. Slabs are second order in thickness: half a
-   pixel is enough, or one at draft; 0.3 if classified. */
+   Shadows and slabs need not be finer than pixels resolve. A texel's filter has variance 1/8 to 1/2 square texels,
+   lookups add 1/6. Texels of 0.6 pixels blur by at most 1/4 square pixel, like the pixel filter; draft allows twice
+   that. Classified volumes cannot be filtered, so pixels get two texels per axis. Slab errors are second order in
+   thickness: half a pixel is enough, or one at draft; 0.3 if classified. */
 
-/* Distance until eight points, with constant rates in ray coordinates (x t, y t, t), have left the image across one
-   side; or infinity. */
+/* Distance until eight points have left the image across one side, or infinity. Their rates are constant in ray
+   coordinates (x t, y t, t). */
 SPSI_COLD double spsi_path_in_image(const spsi_rays *eye, double q[8][3], double rates[8][3]) {
     double end = HUGE_VAL;
     for (int side = 0; side < 4; ++side) {
@@ -8064,8 +8062,8 @@ SPSI_COLD double spsi_path_in_image(const spsi_rays *eye, double q[8][3], double
     return end;
 }
 
-/* Smallest pixel breadth in the medium; with a light, also where its shadow may fall on polygons. Ignores the margin of
-   pyramid levels, which may appear suddenly. 0 beside or behind the eye. */
+/* Smallest pixel size in the medium; with a light, also where its shadow may fall on polygons. Ignores pyramid levels'
+   padding, which may appear suddenly. 0 if media reach beside or behind the eye. */
 SPSI_COLD double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_light *shading) {
     const spsi_rays *eye = &frame->content->eye;
     const int falls = shading && frame->meshes.triangle_count > 0 && eye->perspective;
@@ -8087,7 +8085,7 @@ SPSI_COLD double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_light *sh
     return eye->perspective ? breadth * spsi_dmax(nearest, spsi_dmax(eye->near_depth, 0)) : breadth;
 }
 
-/* Half of the medium's texel, since polygon edges are unfiltered; 0: quality decides. */
+/* Half the medium's texel, since polygon edges are unfiltered; 0: quality decides. */
 SPSI_COLD double spsi_depth_map_texel(const spsi_frame *frame) {
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
     return 0.5 * frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, NULL);
@@ -8147,16 +8145,16 @@ static double spsi_versine(const spsi_light *light, const double travel[3]) {
     return place[2] > 0 ? aside / (1 + place[2]) : 1 - place[2];
 }
 
-/* Whole offset to a point light, unit vector to a directional one. */
+/* Full offset to a point light, unit vector towards a directional one. */
 static void spsi_toward_light(const spsi_light *light, const double point[3], double toward[3]) {
     for (int i = 0; i < 3; ++i) toward[i] = light->is_point ? light->position[i] - point[i] : -light->direction[i];
 }
 
 /* --- a light's texels --- */
 
-#define SPSI_GUARD_BAND 0.05 /* fraction of the depth range, free at either end: Fourier series are periodic */
+#define SPSI_GUARD_BAND 0.05 /* fraction of the depth range left free at either end: Fourier series are periodic */
 
-/* Up to six faces of rays. u runs from 0 at near_depth to 1 at far_depth. */
+/* Up to six faces of rays. Depth u runs from 0 at near_depth to 1 at far_depth. */
 typedef struct spsi_light_grid {
     int face_count;
     spsi_rays rays[SPSI_CUBE_FACES];
@@ -8167,7 +8165,7 @@ SPSI_COLD size_t spsi_light_grid_texels(const spsi_light_grid *grid) {
     return spsi_ray_count(&grid->rays[0]) * (size_t)grid->face_count;
 }
 
-/* Depth of a corner along the axis of its face. */
+/* Depth of a corner along its face's axis. */
 static double spsi_light_grid_corner_depth(const spsi_light_grid *grid, const spsi_bounds *bounds, int corner) {
     double point[3], q[3], t = 0;
     spsi_bounds_corner(bounds, corner, point);
@@ -8183,7 +8181,7 @@ SPSI_COLD void spsi_light_grid_set_range(double near_depth, double far_depth, sp
     for (int face = 0; face < grid->face_count; ++face) grid->rays[face].depth_reference = near_depth;
 }
 
-/* Texels over the light's medium, and its range of depths. */
+/* Fits texels and depth range to the medium the light shadows. */
 SPSI_COLD sps_result spsi_light_grid_aim(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                          spsi_light_grid *grid) {
     const int has_guard = light->map.technique == SPS_TMAP_FOURIER && !light->map.texel_range;
@@ -8197,7 +8195,7 @@ SPSI_COLD sps_result spsi_light_grid_aim(sps_context *context, const spsi_frame 
         low = spsi_dmin(low, t);
         high = spsi_dmax(high, t);
     }
-    /* distant gas still needs a range */
+    /* distant media still need a range */
     high = spsi_dmax(high, low + spsi_dmax(1e-12 * fabs(low), DBL_MIN / DBL_EPSILON));
     const double room = has_guard ? SPSI_GUARD_BAND * (high - low) : 0, first = low - room;
     spsi_light_grid_set_range(grid->rays[0].perspective ? spsi_dmax(first, 0) : first, high + room, grid);
@@ -8208,9 +8206,10 @@ SPSI_COLD sps_result spsi_light_grid_aim(sps_context *context, const spsi_frame 
    16 Projected textures (cookies): read once per call, mipmapped, looked up along the light's rays. Mip levels are
    interpolated linearly in pixel size. Cost: 4 floats per texel; a lookup gathers 12 texels, or 24 between levels. */
 
-#define SPSI_IMAGE_ROW_FLOATS 5 /* per texel of a row: place and color */
+#define SPSI_IMAGE_ROW_FLOATS 5 /* per texel of a row: uv and color */
 
-/* Lays out the mip levels (NULL: only counts). Each halves the axis of shorter texels, or both if about square. */
+/* Lays out the mip levels (memory NULL: only counts). Each halves the axis of shorter texels, or both if about
+   square. */
 SPSI_COLD void spsi_image_lay_out(const spsi_projection *projection, float *memory, uint64_t *laid, spsi_image *image) {
     int size[2] = {projection->given.width, projection->given.height}, level = 0;
     double edge[2] = {projection->edge[0], projection->edge[1]}, shortest = spsi_dmin(edge[0], edge[1]);
@@ -8350,7 +8349,7 @@ static void spsi_image_lookup(const spsi_image *image, spsi_v x, spsi_v y, spsi_
             after = spsi_mul(spsi_sub(spsi_set(edge[1]), size), spsi_set(1 / (edge[1] - edge[0])));
         share = spsi_clamp(spsi_min(before, after), zero, one);
         if (!spsi_bits(spsi_less(zero, share))) continue;
-        u = spsi_fma(spsi_add(x, half), spsi_set(scale_x), half); /* texel centres, counted from the border's */
+        u = spsi_fma(spsi_add(x, half), spsi_set(scale_x), half); /* the border texel's centre is 0 */
         v = spsi_fma(spsi_add(y, half), spsi_set(scale_y), half);
         for (int c = 0; c < 3; ++c) {
             const float *plane = image->texels[level] + (size_t)c * (size_t)width * (size_t)height;
@@ -8359,7 +8358,7 @@ static void spsi_image_lookup(const spsi_image *image, spsi_v x, spsi_v y, spsi_
     }
 }
 
-/* Color at places in the light's frame, for pixels of world size `pixel`; black behind the light. */
+/* Color at positions in the light's frame, for pixels of world size `pixel`; black behind the light. */
 static void spsi_projection_lookup(const spsi_frame *frame, const spsi_light *light, const spsi_v place[3],
                                    spsi_v pixel, spsi_v rgb[3]) {
     const spsi_projection *projection = &light->projection;
@@ -8390,33 +8389,33 @@ static void spsi_projection_at(const spsi_frame *frame, const spsi_light *light,
 }
 
 /* ============================================================================================ >>depthmaps
-   17 Depth maps: polygons between the medium and a light. Cost: the rasteriser's, and 12 bytes per texel; six faces
-   have 1.5 times one's texels. */
+   17 Depth maps of polygons between a light and the medium. Cost: rasterisation, and 12 bytes per texel; six faces
+   have 1.5 times the texels of one. */
 
 #define SPSI_DEPTH_MAP_CELL 16   /* texels per side */
 #define SPSI_STEEP 1024 /* maximum slope of a plane, in texels per texel */
 
-/* Per texel, the plane of the nearest polygon, evaluated on the medium's ray. Planes shade nothing in front, however
-   slanted; texels show only at edges. */
+/* Each texel has the plane of its nearest polygon, evaluated at the shaded point. Even slanted planes shade nothing in
+   front; texels show only at edges. */
 typedef struct spsi_depth_map {
     int face_count; /* 0: no polygon; 6: point light within the medium; else 1 */
     spsi_rays rays[SPSI_CUBE_FACES];
     float *depths[SPSI_CUBE_FACES];    /* at texel centres, t - depth_reference; infinity: no polygon */
     float *slopes[SPSI_CUBE_FACES][2]; /* change of depth per texel along x and y */
-    float *nearest[SPSI_CUBE_FACES];   /* minimum depth per cell and its neighbours; then per cell */
+    float *nearest[SPSI_CUBE_FACES];   /* minimum depth per cell with neighbours; then per cell */
     int cells[SPSI_CUBE_FACES];        /* per row */
     /* map coordinates along the eye's rays, t relative to the map's depth reference */
     spsi_linear along[SPSI_CUBE_FACES][3];
 } spsi_depth_map;
 
-/* May exceed the sheets', since it is cheap. */
+/* Resolution; may exceed the sheets', since maps are cheap. */
 SPSI_COLD int spsi_depth_map_size(const spsi_frame *frame) {
     return spsi_imax(8, spsi_imax(frame->view.shadow_resolution, frame->accuracy.depth_map_texels));
 }
 
 static int spsi_depth_map_cells(int size) { return (size + SPSI_DEPTH_MAP_CELL - 1) / SPSI_DEPTH_MAP_CELL; }
 
-/* Maximum for one face of `size` texels, or six of half. */
+/* Maximum floats for one face of `size` texels, or six of half. */
 SPSI_COLD size_t spsi_depth_map_floats_most(size_t size) {
     const size_t cells = size / SPSI_DEPTH_MAP_CELL + 2, texels = size * size / 2 * 3 + SPSI_CUBE_FACES * 64;
     return 3 * texels + 2 * SPSI_CUBE_FACES * cells * cells;
@@ -8456,7 +8455,7 @@ typedef struct spsi_translucent_plane {
 
 /* All translucent faces on each texel's ray. */
 typedef struct spsi_translucency_map {
-    spsi_depth_map grid;              /* only `nearest` is used */
+    spsi_depth_map grid;              /* depths and slopes stay empty */
     uint32_t *first[SPSI_CUBE_FACES]; /* per texel: start in `list` */
     spsi_translucent_plane *list[SPSI_CUBE_FACES];
     size_t counts[SPSI_CUBE_FACES];
@@ -8508,7 +8507,7 @@ static void spsi_map_plane_slopes(spsi_map_plane *plane, int number, int x, int 
         spsi_fmin(cells[x / SPSI_DEPTH_MAP_CELL], depth - fabsf(slope[0]) - fabsf(slope[1]));
 }
 
-/* Makes translucent planes from fragments, or slopes from the rasteriser's face numbers. Lowers cells. */
+/* Converts fragments to translucent planes, or rasterised face indices to slopes. Lowers cell minima. */
 static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
     const spsi_rays *rays = &job->map->rays[job->face];
     const uint32_t *first = job->translucent ? job->translucent->first[job->face] : NULL;
@@ -8541,7 +8540,7 @@ static void spsi_planes_task(void *data, int index) {
         spsi_planes_row(job, y, cells);
 }
 
-/* Minima of each cell and its neighbours, from the single cells, which follow. */
+/* Minima over each cell and its neighbours, from single cells' minima, stored behind them. */
 static void spsi_cells_spread(float *nearest, int columns, int rows) {
     const float *alone = nearest + (size_t)columns * (size_t)rows;
     SPSI_ROLLED for (int y = 0; y < rows; ++y)
@@ -8579,11 +8578,11 @@ SPSI_COLD void spsi_depth_map_follow(const spsi_rays *eye, spsi_depth_map *map) 
                               i == 2 ? -map->rays[face].depth_reference : 0, &map->along[face][i]);
 }
 
-/* Segments d[0]..d[1] of the eye's rays on a face. */
+/* Segments d[0]..d[1] of eye rays, projected onto a face. */
 typedef struct spsi_map_segment {
-    spsi_v middle[3], rise[3]; /* relative to `first`: middle and half extent */
+    spsi_v middle[3], rise[3]; /* middle, relative to `first`, and half extent */
     spsi_v first[2];           /* first of the four texels around the middle */
-    spsi_m inside;             /* lanes on the face */
+    spsi_m inside;             /* lanes whose middle is on the face */
 } spsi_map_segment;
 
 /* t: distance along the face's axis. */
@@ -8625,8 +8624,8 @@ static inline void spsi_map_segment_build(const spsi_depth_map *map, int face, s
     }
 }
 
-/* Fraction of a segment in front of the plane of texel i. Its distance is linear: `ahead` in the middle, `per` more or
-   less at the ends. In perspective, slope g rises by g / (1 - g / t) from the texel's depth t. */
+/* Fraction of a segment in front of texel i's plane. The distance to it is linear: `ahead` in the middle, `per` more or
+   less at the ends. In perspective, a first-order rise g from depth t becomes g / (1 - g / t). */
 static inline spsi_v spsi_map_segment_fraction(const spsi_map_segment *way, const spsi_rays *rays, int i, spsi_v depth,
                                                const spsi_v slope[2]) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f),
@@ -8646,7 +8645,7 @@ static inline spsi_v spsi_map_segment_mean(const spsi_map_segment *way, const sp
                     way->middle[1]);
 }
 
-/* Lit fraction of a segment; 1 outside of the grid. */
+/* Lit fraction of a segment; 1 outside the grid. */
 static inline spsi_v spsi_depth_map_fraction(const spsi_depth_map *map, int face, spsi_v at, float y,
                                              const spsi_v d[2]) {
     const spsi_rays *rays = &map->rays[face];
@@ -8663,8 +8662,8 @@ static inline spsi_v spsi_depth_map_fraction(const spsi_depth_map *map, int face
     return spsi_select(way.inside, spsi_map_segment_mean(&way, share), spsi_set(1));
 }
 
-/* True if a face may shade any segment. One cell lookup spares most slabs four texels' planes. Undecided: ends far from
-   the middle's cell, or on both sides of the light. */
+/* True if a face may shade any segment. One cell lookup saves most slabs evaluating four planes. Also true if ends are
+   far from the middle's cell, or on both sides of the light. */
 static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2]) {
     const spsi_rays *rays = &map->rays[face];
     const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
@@ -8688,7 +8687,7 @@ static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, 
 
 /* --- translucent polygons --- */
 
-/* `listing` 0: only counts. */
+/* Lists fragments; `listing` 0: only counts. */
 SPSI_COLD void spsi_translucent_planes_raster(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                               spsi_translucency_map *map, int face, int listing) {
     spsi_layers_job job;
@@ -8766,7 +8765,7 @@ static void spsi_translucent_transmittance(const spsi_translucency_map *map, int
     for (int c = 0; c < 3; ++c) through[c] = spsi_map_segment_mean(way, texels[c]);
 }
 
-/* Color transmittance of translucent polygons. Uses the face along whose axis a segment's middle is farthest. */
+/* Color transmittance of translucent polygons, on the face that contains a segment's middle. */
 static void spsi_translucency_map_filter(const spsi_translucency_map *map, const spsi_faces *faces, spsi_v at, float y,
                                          const spsi_v d[2], spsi_v filter[3]) {
     const spsi_v middle = spsi_mul(spsi_set(0.5f), spsi_add(d[0], d[1]));
@@ -8792,17 +8791,18 @@ static void spsi_translucency_map_filter(const spsi_translucency_map *map, const
 }
 
 /* ================================================================================================ >>spheres
-   18 Particles as spheres. A ray of direction e meets a sphere of radius r about C in a chord. Its middle is t = C.e /
-   e.e, its half length sqrt(1 - d^2) r, with d r = |C x e| / |e|. Relative to the centre, floats suffice for these
-   polynomials. Spheres near the rays' origin are intersected ray by ray. Cost: 15 operations per vector of pixels. */
+   18 Particles as spheres. A ray of direction e meets a sphere of radius r about C in a chord. Its middle is t = C.e
+   / e.e, its half length sqrt(1 - d^2) r, with d r = |C x e| / |e|. Relative to the centre, floats suffice for these
+   polynomials. Spheres near the rays' origin are intersected ray by ray. Cost: 15 operations per vector of pixels.
+   */
 
-/* A sphere is near within SPSI_SPHERE_NEAR radii of the origin's plane, or below a cosine SPSI_SPHERE_ASIDE to the
+/* A sphere is near within SPSI_SPHERE_NEAR radii of the origin's plane, or below a cosine of SPSI_SPHERE_ASIDE to the
    axis, where pixels stretch. */
 #define SPSI_SPHERE_NEAR  4.0
 #define SPSI_SPHERE_ASIDE 0.05
-#define SPSI_SPHERE_LEAST 0.75 /* minimum radius in pixels: smaller ones could miss all rays */
+#define SPSI_SPHERE_LEAST 0.75 /* minimum radius in pixels: smaller spheres could miss all rays */
 
-/* Radii in pixels above which chords conserve mass, in images to 2 %. */
+/* Radii in pixels above which chords conserve mass; in images, to 2 %. */
 #define SPSI_SPHERE_COARSE       4.0
 #define SPSI_SPHERE_COARSE_LIGHT 1.5
 
@@ -8821,7 +8821,7 @@ typedef struct spsi_sphere {
     int soft;           /* 1: densest in the middle */
     float offset[3];    /* centre, from the rays' origin */
     int near_by;        /* 1: intersected ray by ray */
-    float world_radius; /* if near */
+    float world_radius; /* radius, if near */
 } spsi_sphere;
 
 typedef struct spsi_chord {
@@ -8830,14 +8830,14 @@ typedef struct spsi_chord {
     spsi_v share;  /* half length per radius; 0: missed */
 } spsi_chord;
 
-/* Distance in t, equal for all faces of a cube; 1 without perspective. */
+/* Distance in t, equal for all cube faces; 1 without perspective. */
 static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
     if (!rays->perspective) return 1;
     if (rays->is_cube_face) return spsi_dmax(fabs(offset[0]), spsi_dmax(fabs(offset[1]), fabs(offset[2])));
     return spsi_dmax(spsi_dot(rays->inverse[2], offset), 0);
 }
 
-/* Optical depth of a sphere widened to area / `share`, with equal total extinction. The outline's transmittance is
+/* Optical depth of a sphere widened to area / `share`, with equal total extinction. The outline's mean transmittance is
    fitted by f^-2, or f^-2/3 if soft. A homogeneous sphere absorbs 1 - 2 (1 - (1 + d) e^-d) / d^2; errors are within 1
    %, or 2 % if soft. */
 static double spsi_sphere_widen(double depth, int soft, double share) {
@@ -8849,12 +8849,12 @@ static double spsi_sphere_widen(double depth, int soft, double share) {
     return spsi_dmin(share * depth, c * wide / (half + sqrt(half * half + (a + b) * c * wide)));
 }
 
-/* Raised to the pixels' minimum. `offset`: centre from the rays' origin. */
+/* World radius, raised to the pixels' minimum. `offset`: centre from the rays' origin. */
 static double spsi_sphere_radius(const spsi_rays *rays, const sps_particle *particle, const double offset[3]) {
     return spsi_dmax((double)particle->radius, SPSI_SPHERE_LEAST * rays->pixel * spsi_distance_to(rays, offset));
 }
 
-/* Below 1e-3, optical depth falls with area, within 4e-4. */
+/* Below 1e-3, optical depth scales with inverse area, within 4e-4. */
 static void spsi_sphere_dilute(const spsi_particle_set *set, const sps_particle *particle, double radius,
                                spsi_sphere *sphere) {
     const double own = (double)particle->radius, share = own < radius ? (own / radius) * (own / radius) : 1;
@@ -8869,7 +8869,7 @@ typedef struct spsi_outline {
     double a, b, c, d, e;
 } spsi_outline;
 
-/* Pixels in the outline along dx. */
+/* Pixel range of the outline along dx. */
 static void spsi_outline_range(const spsi_outline *outline, double centre, int size, int *first, int *last) {
     const double a = outline->a, b = outline->b, c = outline->c, d = outline->d, e = outline->e;
     const double square = a * c - b * b, half = c * d - b * e;
@@ -8913,8 +8913,8 @@ static void spsi_sphere_shape(const spsi_rays *rays, const double c[3], const do
     sphere->radius = (float)(radius * sqrt(per_square));
 }
 
-/* Pixels between tangent planes through the rays' origin: x solves (X - x T)^2 = r^2 |across - x along|^2. Spheres that
-   reach behind the origin are bounded on one side. They are unbounded around the planes' common line. */
+/* Pixel range between tangent planes through the rays' origin: x solves (X - x T)^2 = r^2 |across - x along|^2. Spheres
+   reaching behind the origin are bounded on one side only, or unbounded around the planes' common line. */
 static void spsi_sphere_near_range(const double across[3], const double along[3], const double offset[3], double radius,
                                    int size, int *first, int *last) {
     const double x = spsi_dot(across, offset), t = spsi_dot(along, offset), square = radius * radius;
@@ -8990,7 +8990,7 @@ static void spsi_sphere_chord_near(const spsi_rays *rays, const spsi_sphere *sph
     chord->share = spsi_load(lanes[2]);
 }
 
-/* Also valid outside of the sphere's box. */
+/* Also valid outside the sphere's box. */
 static inline void spsi_sphere_chord_far(const spsi_rays *rays, const spsi_sphere *sphere, spsi_v dx, spsi_v dy,
                                          spsi_chord *chord) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0), twice = spsi_add(dy, dy), down = spsi_mul(dy, dy);
@@ -9023,13 +9023,13 @@ static inline void spsi_sphere_chord(const spsi_rays *rays, const spsi_sphere *s
     spsi_sphere_chord_far(rays, sphere, dx, dy, chord);
 }
 
-/* Integral of 1, or of 1 - s^2 if soft. */
+/* Optical depth; density is constant, or 1 - s^2 if soft. */
 static inline spsi_v spsi_chord_depth(const spsi_sphere *sphere, const spsi_chord *chord) {
     const spsi_v depth = spsi_mul(chord->share, spsi_set(sphere->depth));
     return sphere->soft ? spsi_mul(depth, spsi_mul(chord->share, chord->share)) : depth;
 }
 
-/* Mass fraction before position v, clamped to -1..1. */
+/* Fraction of a chord's mass before v, clamped to -1..1. */
 static inline spsi_v spsi_chord_fraction(int soft, spsi_v v) {
     const spsi_v half = spsi_set(0.5f), s = spsi_clamp(v, spsi_set(-1), spsi_set(1));
     if (!soft) return spsi_fma(half, s, half);
@@ -9044,7 +9044,7 @@ static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
     return pow(spsi_dot(e, e), -1.5) * (edges == 0 ? 1 : edges == 1 ? 0.5 : 0.25);
 }
 
-/* Sum of unit chords over texels. `round`: weighted by solid angle. */
+/* Sum of relative chords over texels. `round` 1: weighted by solid angle. */
 static double spsi_sphere_sum(const spsi_rays *rays, const spsi_sphere *sphere, const int box[4], int round) {
     float lanes[SPSI_LANES];
     spsi_v sums = spsi_set(0);
@@ -9061,10 +9061,10 @@ static double spsi_sphere_sum(const spsi_rays *rays, const spsi_sphere *sphere, 
     return spsi_total(sums);
 }
 
-/* Mean of unit chords over the outline. */
+/* Exact mean of relative chords over the outline. */
 static double spsi_sphere_mean(const spsi_sphere *sphere) { return sphere->soft ? 2.0 / 5 : 2.0 / 3; }
 
-/* Texels of a distant sphere, also beyond its face. Returns the ellipse's area, or 0 at grazing angles. */
+/* Texel box of a distant sphere, also beyond its face. Returns the ellipse's area; 0 if grazing or too large. */
 static double spsi_sphere_box(const spsi_sphere *sphere, int box[4]) {
     const double a = (double)sphere->cross[0], b = (double)sphere->cross[1], c = (double)sphere->cross[2];
     const double square = a * c - b * b, x = sphere->x0 + (double)sphere->x, y = sphere->y0 + (double)sphere->y;
@@ -9077,7 +9077,7 @@ static double spsi_sphere_box(const spsi_sphere *sphere, int box[4]) {
     return SPSI_PI / sqrt(square);
 }
 
-/* Ratio of chords' sum over all cube faces to the exact sum. Equal for all faces, to avoid seams. */
+/* Ratio of the chord sum over all cube faces to the exact one; equal for all, to avoid seams. */
 static double spsi_sphere_mass_round(const spsi_rays *own, const spsi_rays *faces, const spsi_particle_set *set,
                                      const sps_particle *particle, const spsi_sphere *sphere, const double offset[3]) {
     const double texel = spsi_length(own->a) * spsi_length(offset), radius = spsi_sphere_radius(own, particle, offset);
@@ -9097,13 +9097,13 @@ static double spsi_sphere_mass_round(const spsi_rays *own, const spsi_rays *face
     return sum * texel * texel / (SPSI_PI * radius * radius * spsi_sphere_mean(sphere));
 }
 
-/* Makes a small sphere's mass exact wherever its centre lies. Full up to radii of 2/3 `coarse` texels, fading towards
-   `coarse`. `faces`: a cube, counted together; NULL: one face. */
+/* Makes a small sphere's mass exact wherever its centre lies. Corrects fully up to radii of 2/3 `coarse` texels, fading
+   towards `coarse`. `faces`: a cube, summed together; NULL: one face. */
 static void spsi_sphere_weigh(const spsi_rays *rays, const spsi_rays *faces, double coarse,
                               const spsi_particle_set *set, const sps_particle *particle, spsi_sphere *sphere) {
     double centre[3], offset[3], texel, share, mass;
     int box[4];
-    /* most are larger; this is the sum of the outline's inverse squared half axes */
+    /* most spheres are larger; left: sum of the outline's inverse squared half axes */
     if (!sphere->near_by && (double)sphere->cross[0] + (double)sphere->cross[2] < 1 / (coarse * coarse)) return;
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     spsi_along(centre, rays->origin, -1, offset);
@@ -9119,20 +9119,20 @@ static void spsi_sphere_weigh(const spsi_rays *rays, const spsi_rays *faces, dou
 }
 
 /* ============================================================================================== >>slicing
-   19 Slabs. They are perpendicular to s = normalise(e + l), with ray directions e of the eye and l of the light. Beyond
-   a right angle, s = normalise(l - e), and the eye composites back to front. |l +- e| >= sqrt 2, so s never
-   degenerates; light always follows s. [Zhang & Crawfis, section 4] */
+   19 Slabs perpendicular to s = normalise(e + l), where e and l are the ray directions of eye and light. Beyond a
+   right angle, s = normalise(l - e), and the eye composites back to front. |l +- e| >= sqrt 2, so s never
+   degenerates; light always travels along s. [Zhang & Crawfis, section 4] */
 
-#define SPSI_COSINE_MIN  0.1  /* minimum with s: rays cross a slab within 10 thicknesses */
-#define SPSI_COSINE_EVEN 0.35 /* slabs are halved below; the middle ray has 0.71 or more */
+#define SPSI_COSINE_MIN  0.1  /* minimum between rays and s: slabs are crossed within 10 thicknesses */
+#define SPSI_COSINE_EVEN 0.35 /* slabs are halved below it; the middle ray has 0.71 or more */
 #define SPSI_SLAB_TEXELS 8    /* maximum thickness in light texels, if pixels are wide */
 
 typedef struct spsi_slabs {
     double normal[3]; /* s */
-    double start;     /* s . p of the first slab */
+    double start;     /* s . p where the first slab begins */
     double thickness;
     int count;
-    int group; /* slabs shaded at once, a power of 2; may exceed the end */
+    int group; /* slabs shaded at once, a power of 2; the last group may be incomplete */
     int wide;  /* 1: thicker than voxels, since pixels are wide */
 } spsi_slabs;
 
@@ -9150,18 +9150,18 @@ SPSI_COLD void spsi_linear_of_slabs(const spsi_rays *rays, const spsi_slabs *sla
 }
 
 typedef struct spsi_sweep {
-    const spsi_light *light; /* light whose sheets it carries; NULL: none */
-    int first;               /* 1: also carries coverage, ambient light, emission, and lights without sheets */
+    const spsi_light *light; /* light whose sheets are swept; NULL: none */
+    int first;               /* 1: also adds coverage, ambient light, emission, and lights without sheets */
     int back_to_front;
-    double cosine_of_light, cosine_of_eye; /* minimum over rays, with s */
-    int part[4];                           /* first column and row in the image, and their ends */
-    spsi_rays eye;                         /* this part's rays; only directions are used */
+    double cosine_of_light, cosine_of_eye; /* minimum between rays and s */
+    int part[4];                           /* first column and row in the image, then their ends */
+    spsi_rays eye;                         /* rays of this part */
     spsi_slabs slabs;
-    spsi_rays rays; /* light texels */
+    spsi_rays rays; /* light texels' rays */
     int soft;       /* 1: penumbrae exceed half a texel */
 } spsi_sweep;
 
-/* Minimum over a grid's corner rays. */
+/* Minimum cosine over a grid's corner rays. */
 SPSI_COLD double spsi_cosine_to_corners(const double s[3], const spsi_rays *rays) {
     double least = 1;
     for (int corner = 0; corner < 4; ++corner) {
@@ -9179,7 +9179,7 @@ SPSI_COLD int spsi_bounds_hold(const spsi_bounds *bounds, const double point[3])
     return inside;
 }
 
-/* Minimum over rays to the corners of `bounds`; -1 from inside. */
+/* Minimum cosine over rays to the corners of `bounds`; -1 from inside. */
 SPSI_COLD double spsi_cosine_to_bounds(const double s[3], const double from[3], const spsi_bounds *bounds) {
     const int inside = spsi_bounds_hold(bounds, from);
     double least = 1;
@@ -9194,16 +9194,16 @@ SPSI_COLD double spsi_cosine_to_bounds(const double s[3], const double from[3], 
 }
 
 /* --- parts of the image ---
-   No slab direction serves all rays of a very wide camera. Its image is cut where rays are perpendicular to it, into
-   halves or quarters with their own slabs. A quarter's rays lie within an octant, and cross slabs about its middle at a
+   No slab direction serves all rays of a very wide camera. Its image is cut at the ray perpendicular to it, into halves
+   or quarters with their own slabs. A quarter's rays lie within an octant, and cross slabs facing its middle at a
    cosine of 0.25 or more. */
 
-/* Sweeps with sheets need the whole image. */
+/* Part count; sweeps with sheets need the whole image. */
 SPSI_COLD int spsi_subslab_count(const spsi_frame *frame) {
     return frame->lights.sliced_count > 0 ? 1 : frame->content->parts[0] * frame->content->parts[1];
 }
 
-/* First column and row, and their ends. */
+/* First column and row of part n, then their ends. */
 SPSI_COLD void spsi_subslab_place(const spsi_frame *frame, int n, int part[4]) {
     const spsi_content *content = frame->content;
     const int at[2] = {n % content->parts[0], n / content->parts[0]};
@@ -9219,7 +9219,7 @@ SPSI_COLD int spsi_subslab_meets(const int part[4], const int region[4]) {
            part[3] > region[1];
 }
 
-/* Mean of corner rays. */
+/* Mean direction of corner rays. */
 SPSI_COLD void spsi_subslab_direction(const spsi_rays *eye, double direction[3]) {
     memset(direction, 0, 3 * sizeof *direction);
     for (int corner = 0; corner < 4; ++corner) {
@@ -9277,7 +9277,7 @@ SPSI_COLD const char *spsi_medium_name(const spsi_frame *frame) {
     return frame->particles.set_count > 0 ? "volumes or particles" : "volumes";
 }
 
-/* A ray meets slabs at too small a cosine, no cone covers the medium, or texels coincide. */
+/* Fails because a ray meets slabs at too small a cosine, no cone covers the medium, or texels coincide. */
 SPSI_COLD sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
     const double cosine = sweep->cosine_of_light < SPSI_COSINE_MIN ? sweep->cosine_of_light : 0;
     char rest[SPSI_SENTENCE_SIZE] = SPSI_TEXELS_ALIKE;
@@ -9338,14 +9338,14 @@ SPSI_COLD int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi
         sweep->cosine_of_light = spsi_cosine_of_light(frame, sweep->light, sweep->slabs.normal);
     }
     for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->slabs.normal[i] : sweep->slabs.normal[i];
-    sweep->cosine_of_eye = spsi_cosine_to_corners(toward, &sweep->eye); /* rays of the part */
+    sweep->cosine_of_eye = spsi_cosine_to_corners(toward, &sweep->eye); /* this part's rays */
     if (sweep->eye.perspective) /* rays that can meet the medium; both are lower bounds */
         sweep->cosine_of_eye =
             spsi_dmax(sweep->cosine_of_eye, spsi_cosine_to_bounds(toward, sweep->eye.origin, &frame->content->bounds));
     return sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye >= SPSI_COSINE_MIN;
 }
 
-/* Tries slabs facing the medium, then the camera's axis; for a part, its middle. Returns 1 on success. */
+/* Tries the direction to the medium, then the camera's axis; for a part, its mean ray. Returns 1 on success. */
 SPSI_COLD int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
     double eye[3], axis[3];
     if (!sweep->light && spsi_subslab_count(frame) > 1) {
@@ -9359,7 +9359,7 @@ SPSI_COLD int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
 }
 
 /* Voxel length that sizes slabs for a ray: its chord through a voxel's centre, halved or quartered at grazing angles.
-   Powers of 1/2 keep slabs in place as a light turns, to avoid flicker. The chord 1 / sqrt(d' (V V')^-1 d) is a cube's
+   Powers of 1/2 keep slabs in place as a light turns, without flicker. The chord 1 / sqrt(d' (V V')^-1 d) is a cube's
    edge, but much shorter than the kernel in flat or slanted voxels. */
 SPSI_COLD double spsi_slab_chord(const spsi_lattice *lattice, const double s[3], const double ray[3]) {
     const double cosine = fabs(spsi_dot(s, ray));
@@ -9371,7 +9371,7 @@ SPSI_COLD double spsi_slab_chord(const spsi_lattice *lattice, const double s[3],
     return share / sqrt(sum);
 }
 
-/* Minimum for rays to the corners and middle of `bounds`. */
+/* Minimum chord of rays to the corners and middle of `bounds`. */
 SPSI_COLD double spsi_chord_to_bounds(const spsi_lattice *lattice, const double s[3], const double from[3],
                                       const spsi_bounds *bounds) {
     double least = HUGE_VAL;
@@ -9387,7 +9387,7 @@ SPSI_COLD double spsi_chord_to_bounds(const spsi_lattice *lattice, const double 
     return least;
 }
 
-/* Minimum over corner and middle rays, or over rays that can meet the medium, whichever is larger. */
+/* Minimum chord over corner and middle rays, or over rays that can meet the medium, whichever is larger. */
 SPSI_COLD double spsi_chord_of_rays(const spsi_frame *frame, const spsi_lattice *lattice, const double s[3],
                                     const spsi_rays *rays) {
     double least = HUGE_VAL;
@@ -9401,8 +9401,8 @@ SPSI_COLD double spsi_chord_of_rays(const spsi_frame *frame, const spsi_lattice 
     return spsi_dmax(least, spsi_chord_to_bounds(lattice, s, rays->origin, &frame->content->bounds));
 }
 
-/* Voxel length that sizes slabs: the extent along s. Classified volumes use a shorter chord, since values must change
-   little per slab. At least 1/16 of the extent, for very flat voxels. */
+/* Voxel length that sizes slabs: the extent along s. Classified volumes use the chord if shorter, since values must
+   change little per slab. Very flat voxels use at least 1/16 of the extent. */
 SPSI_COLD double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                  const spsi_light *light, const double s[3]) {
     const double extent = spsi_voxel_extent(lattice, s), flattest = 1.0 / 16;
@@ -9418,8 +9418,8 @@ SPSI_COLD double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *la
     return spsi_dmin(extent, spsi_dmax(chord, flattest * extent));
 }
 
-/* Cuts finer slabs in groups where radiance changes within them. Particles need `fine`. Voxels need slab_thickness
-   times their shortest edge, or an optical depth of 0.05 at value 1 if longer. Never below `least`. */
+/* Refines slabs in groups where radiance changes within them. Particles need `fine`. Voxels need slab_thickness times
+   their shortest edge, or an optical depth of 0.05 at value 1 if longer. Never below `least`. */
 static void spsi_slabs_group(const spsi_frame *frame, double fine, double least, spsi_slabs *slabs) {
     slabs->group = 1;
     if (frame->matter.classifies || frame->view.slab_thickness > SPSI_GROUP_SLAB) return;
@@ -9434,8 +9434,8 @@ static void spsi_slabs_group(const spsi_frame *frame, double fine, double least,
     if (slabs->group > 1) slabs->thickness /= finer;
 }
 
-/* Places slabs across the medium for rays of a target and a light, if any. `edge`: a particle's equivalent voxel edge,
-   or infinite. `least`: useful thickness, while a chunk of slabs remains. Returns their number. */
+/* Places slabs across the medium for a target's rays and a light, if any. `edge`: a particle's equivalent voxel edge,
+   or infinite. `least`: minimum thickness, lowered to leave a chunk of slabs. Returns the slab count. */
 SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_light *light, double edge,
                                   double least, spsi_slabs *slabs) {
     double low = HUGE_VAL, high = -HUGE_VAL, beyond = 0, particles;
@@ -9445,7 +9445,7 @@ SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays
         low = spsi_dmin(low, spsi_dot(point, slabs->normal));
         high = spsi_dmax(high, spsi_dot(point, slabs->normal));
     }
-    edge = spsi_dmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* limits slabs of stray particles */
+    edge = spsi_dmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* caps slabs for stray particles */
     particles = edge;
     for (int i = 0; i < frame->medium_count; ++i)
         edge = spsi_dmin(edge, spsi_slab_voxel(frame, &frame->lattices[i], rays, light, slabs->normal));
@@ -9468,7 +9468,7 @@ SPSI_COLD sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *fram
     return SPS_OK;
 }
 
-/* Widest penumbra across all content; infinite if anything is beside or behind the light. */
+/* Widest penumbra in texels across content; infinite if any is beside or behind the light. */
 SPSI_COLD double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sweep) {
     const spsi_light *light = sweep->light;
     const double texel = spsi_dmin(spsi_length(sweep->rays.a), spsi_length(sweep->rays.b));
@@ -9512,7 +9512,7 @@ SPSI_COLD const spsi_light *spsi_sliced_light(const spsi_frame *frame, int n) {
     return NULL;
 }
 
-/* The first sweep has most. */
+/* Shadowing lights in sweep n; the first has all without sheets. */
 SPSI_COLD int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
     return (n < frame->lights.sliced_count) + (n == 0 ? frame->lights.shadow_count - frame->lights.sliced_count : 0);
 }
@@ -9529,7 +9529,8 @@ SPSI_COLD int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
     return serves;
 }
 
-/* Useful thickness: a fraction of the medium's smallest pixel, unless light texels would need many samples per slab. */
+/* Minimum thickness: a fraction of the medium's smallest pixel, unless light texels would need many samples per
+   slab. */
 SPSI_COLD double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *sweep) {
     const double least = frame->accuracy.slab_pixels * spsi_pixel_in_gas(frame, NULL);
     if (!sweep->light) return least;
@@ -9537,7 +9538,7 @@ SPSI_COLD double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *swee
 }
 
 /* Returns a particle's equivalent voxel edge, or infinity. A sphere's variance is that of a voxel of 0.7 radii (r^2 / 5
-   if homogeneous). A cloud is at most about 500 edges deep, since depth need not resolve small particles. */
+   if homogeneous). A cloud is at most about 500 edges deep, since slabs need not resolve small particles. */
 SPSI_COLD double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
     spsi_sweep_clear(frame, spsi_sliced_light(frame, n), part, sweep);
     sweep->first = n == 0;
@@ -9584,14 +9585,14 @@ SPSI_COLD void spsi_image_divide(const spsi_frame *frame) {
 
 /* ================================================================================================ >>splat
    20 Footprints. In ray space a voxel's kernel is a Gaussian whose line integral is a 2D Gaussian [Zwicker et al.
-   2002]. Its section between two slab planes is a difference of spsi_kernel_fraction. It varies per pixel, since slabs
-   are tilted and kernels sheared; otherwise the error would not fall with thickness. Near a perspective eye, each
-   pixel's own ray is integrated. Sections end at polygons and the near plane; footprints are widened to a pixel.
-   Classified volumes are sampled per pixel and whole slab instead: a transfer function of a mean is not the mean of the
-   transfer function. Sheets hold the integral of value over t; shading applies length per t. Cost: 14 vector operations
-   per vector of fragments and section, 25 per row. */
+   2002]. Its section between two slab planes is a difference of spsi_kernel_fraction. It is evaluated per pixel,
+   since slabs are tilted and kernels sheared; otherwise the error would not fall with thickness. Near a perspective
+   eye, each pixel's own ray is integrated. Sections end at polygons and the near plane; footprints are widened to a
+   pixel. Classified volumes are sampled per pixel and whole slab instead, since transfer functions do not commute
+   with filters. Sheets store the integral of value over t; shading multiplies by length per t. Cost: 14 vector
+   operations per vector of fragments and section, 25 per row. */
 
-/* A kernel near a perspective eye, in standard deviations of t: keeps fourth powers in range. */
+/* A kernel near a perspective eye, in standard deviations of t to keep fourth powers in range. */
 typedef struct spsi_near_case {
     float unit; /* standard deviation of t */
     float covariance[6];
@@ -9642,14 +9643,14 @@ typedef struct spsi_footprints {
     float row_width[SPSI_LANES];   /* standard deviation of x at given y */
     float half_height[SPSI_LANES]; /* half the bounding box, in pixels */
     float half_width[SPSI_LANES];
-    float alone[SPSI_LANES];    /* 1: its own pixels add up to its mass; 0: only with its neighbours' */
+    float alone[SPSI_LANES];    /* 1: its own pixels add up to its mass; 0: only together with neighbours */
     float per_slab[SPSI_LANES]; /* v per plane */
     float slope_x[SPSI_LANES];  /* a plane's v per pixel */
     float slope_y[SPSI_LANES];
     float mean_x[SPSI_LANES]; /* kernel's mean t per pixel */
     float mean_y[SPSI_LANES];
     float per_depth[SPSI_LANES];   /* v per t */
-    float spread[SPSI_LANES];      /* range per standard deviation, widened by slope_x */
+    float spread[SPSI_LANES];      /* half v range per standard deviation, widened by slope_x */
     float slabs[SPSI_LANES];       /* 1 / per_slab */
 } spsi_footprints;
 
@@ -9665,10 +9666,10 @@ typedef struct spsi_tile {
     const spsi_hit *limits; /* polygons of the image; NULL: none */
     int limit_width;
     int limit_height;
-    uint64_t open;      /* patches not yet opaque; skips other footprints */
+    uint64_t open;      /* mask of patches not yet opaque; skips other footprints */
     const float *depth; /* optical depth so far; NULL: unknown */
     size_t depth_pitch; /* floats per row */
-    float end;          /* optical depth of early termination */
+    float end;          /* optical depth for early termination */
     float eye_slab;     /* the eye's slab coordinate */
     uint64_t visits;    /* footprints */
     uint64_t fragments; /* footprints' pixels times slabs */
@@ -9741,7 +9742,7 @@ SPSI_COLD int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *
     splatter->near_depth = rays->perspective ? (float)(SPSI_NEAR_REACHES * cut * sqrt(covariance[2][2])) : -FLT_MAX;
     splatter->depth_reference = (float)rays->depth_reference;
     splatter->eye_near = spsi_rays_begin(rays);
-    { /* the widest footprint, in pixels to the fourth */
+    { /* product of the widest footprint's variances, in pixels^4 */
         const double nearest = rays->perspective ? (double)splatter->near_depth : 1;
         const double widest = covariance[0][0] * covariance[1][1] / (nearest * nearest * nearest * nearest);
         return widest < 1e36 && weight < (double)FLT_MAX && splatter->near_case.weight <= FLT_MAX &&
@@ -9749,11 +9750,11 @@ SPSI_COLD int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *
     }
 }
 
-/* Slope of `alone` in the filter's added variance: 1 up to voxels of 0.5 pixels, 0 from 0.7 on. Normalising wider
-   voxels one by one would alias a uniform medium. */
+/* Slope of `alone` over the filter's added variance; `alone` is 1 up to voxels of 0.5 pixels, 0 from 0.7 on.
+   Normalising wider voxels one by one would alias uniform media. */
 #define SPSI_ALONE 16
 
-/* Everything that depends on (x, y, t): pixel filter, conditional Gaussians, section. */
+/* All that depends on (x, y, t): pixel filter, conditional Gaussians, section. */
 static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v y, spsi_v t, spsi_v value,
                                         spsi_footprints *out) {
     const spsi_v one = spsi_set(1), c22 = spsi_set(s->covariance[5]), two = spsi_set(2), half = spsi_set(0.5f);
@@ -9814,7 +9815,7 @@ static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v
 
 typedef enum spsi_mass { SPSI_MASS_KERNEL, SPSI_MASS_CHORD, SPSI_MASS_SOFT_CHORD } spsi_mass;
 
-/* Mass along a vector of rays, for a run of sheets. */
+/* Mass along a vector of rays, for consecutive sheets. */
 typedef struct spsi_sections {
     float *sheet;
     size_t sheet_size; /* floats per sheet */
@@ -9822,7 +9823,7 @@ typedef struct spsi_sections {
     int starts; /* 1: also add the mass in front */
     int ends;   /* 1: also add the mass behind */
     spsi_v weight;
-    spsi_v v;         /* first plane in the profile's -1..1 */
+    spsi_v v;         /* first plane, in the profile's range -1..1 */
     spsi_v per_plane; /* v per plane */
     spsi_v low, high; /* where clamped rays begin and end */
 } spsi_sections;
@@ -9831,7 +9832,7 @@ static inline spsi_v spsi_mass_fraction(spsi_mass mass, spsi_v v) {
     return mass == SPSI_MASS_KERNEL ? spsi_kernel_fraction(v) : spsi_chord_fraction(mass == SPSI_MASS_SOFT_CHORD, v);
 }
 
-/* Evaluates each plane once for two sheets. */
+/* Evaluates each plane once for both adjacent sheets. */
 static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int clamped) {
     float *sheet = s->sheet;
     spsi_v v = s->v, before, after;
@@ -9855,11 +9856,11 @@ typedef struct spsi_rows {
     int first[SPSI_LANES];                     /* first plane in the tile */
     int slabs[SPSI_LANES];                     /* count in the tile */
     int area[SPSI_LANES];                      /* pixels times slabs */
-    int starts[SPSI_LANES], ends[SPSI_LANES];  /* 1: the kernel's own end */
+    int starts[SPSI_LANES], ends[SPSI_LANES];  /* 1: the kernel starts or ends here */
     float left[SPSI_LANES], right[SPSI_LANES]; /* x0 and x1, half a pixel outwards */
     float dy[SPSI_LANES];                      /* y from the centre */
-    float factor[SPSI_LANES];                  /* weight factor of y alone */
-    float v[SPSI_LANES];                       /* first plane's, at the kernel's own x */
+    float factor[SPSI_LANES];                  /* weight factor from y alone */
+    float v[SPSI_LANES];                       /* v of the first plane, at the kernel's x */
 } spsi_rows;
 
 static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints *f, int i, int y, float cut,
@@ -10010,7 +10011,7 @@ static spsi_extent spsi_near_extent(const spsi_splatter *s, const float q[3], in
     return extent;
 }
 
-/* Range of pixels between tangent planes through the eye, unless its plane cuts the ellipsoid. */
+/* Pixel range between tangent planes through the eye, unless the eye's plane cuts the ellipsoid. */
 static void spsi_extent_range(const spsi_extent *e, int *first, int *last) {
     const float square = e->cut * e->cut, a = e->t * e->t - square * e->tt, b = e->q * e->t - square * e->qt;
     const float root = b * b - a * (e->q * e->q - square * e->qq);
@@ -10040,8 +10041,8 @@ typedef struct spsi_near_footprint {
     float *channel;
 } spsi_near_footprint;
 
-/* A near kernel at P. For a ray w = (x, y, 1), a = w' C^-1 w. The exponent (P x w)' adj(C^-1) (P x w) / a avoids
-   differences of large numbers. */
+/* Adds a row of a near kernel at P. For a ray w = (x, y, 1), a = w' C^-1 w. The exponent (P x w)' adj(C^-1) (P x w) / a
+   avoids differences of large numbers. */
 static inline void spsi_splat_near_row(const spsi_near_footprint *print, int x, int y) {
     const spsi_tile *tile = print->tile;
     const spsi_splatter *s = print->splatter;
@@ -10146,7 +10147,7 @@ static inline int spsi_footprints_inside(const spsi_tile *tile, const spsi_footp
     return spsi_bits(spsi_and(spsi_and(m0, m1), spsi_less(spsi_set(0), spsi_load(f->per_slab))));
 }
 
-/* Pixel sum of a Gaussian over its integral, to the first aliasing term, scaled by `alone`. */
+/* Ratio of a Gaussian's pixel sum to its integral, up to the first aliasing term, scaled by `alone`. */
 static inline spsi_v spsi_pixels_sum(const float *x, const float *half, spsi_v per_cut, spsi_v alone) {
     const spsi_v at = spsi_clamp(spsi_load(x), spsi_set(-4.0f * SPSI_SIZE_MAX), spsi_set(4.0f * SPSI_SIZE_MAX));
     const spsi_v turn = spsi_fma(spsi_abs(spsi_sub(at, spsi_round(at))), spsi_set(4), spsi_set(-1));
@@ -10156,7 +10157,7 @@ static inline spsi_v spsi_pixels_sum(const float *x, const float *half, spsi_v p
     return spsi_fma(spsi_mul(alone, spsi_exp(wave)), cosine, spsi_set(1));
 }
 
-/* Makes a subpixel voxel's mass independent of its place. */
+/* Makes a subpixel voxel's mass independent of its position. */
 static inline void spsi_footprints_even(const spsi_splatter *s, spsi_footprints *f) {
     const spsi_v alone = spsi_load(f->alone), per_cut = spsi_set(1 / s->cut);
     if (!spsi_bits(spsi_less(spsi_set(0), alone))) return;
@@ -10170,7 +10171,7 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
     const spsi_v reach = spsi_set(s->reach_slabs);
     spsi_footprints f;
     spsi_footprint print = {tile, s, &f, 0, channel};
-    memset(&f, 0, sizeof f); /* compilers miss that perspective fills it later */
+    memset(&f, 0, sizeof f); /* compilers cannot see that perspective fills it later */
     if (!s->perspective) spsi_footprint_shape(s, spsi_set(0), spsi_set(0), spsi_set(1), spsi_set(1), &f);
     const float unit = f.amplitude[0];
     for (int i = 0; i < brick->count; i += SPSI_LANES) {
@@ -10217,15 +10218,15 @@ static void spsi_brick_origin_build(const spsi_lattice *lattice, const spsi_bric
 }
 
 /* --- small voxels ---
-   If voxels are smaller than samples, footprints are little but pixel filter. Instead, mass is deposited into 3^3
-   samples by linear weights, averaged over a voxel's breadth b. Mass and first moments stay exact; the added variance
-   (2 + b^2) / 12 is close to the filter's 1/4. A volume is deposited entirely or not at all, to avoid seams. Cost: 27
+   If voxels are smaller than samples, footprints are mostly pixel filter. Instead, mass is deposited into 3^3 samples
+   with linear weights, averaged over a voxel's breadth b. Mass and first moments stay exact; the added variance (2 +
+   b^2) / 12 is close to the filter's 1/4. A volume is deposited entirely or not at all, to avoid seams. Cost: 27
    additions per voxel. */
 
 #define SPSI_DEPOSIT_MOST  0.8f       /* maximum breadth in samples */
-#define SPSI_DEPOSIT_LEAST 0.0078125f /* differences of squares would vanish below */
+#define SPSI_DEPOSIT_LEAST 0.0078125f /* minimum breadth; below, differences of squares would vanish */
 
-/* Breadths in samples along x, y and slabs. */
+/* A voxel's breadths in samples along x, y and slabs. */
 static void spsi_voxel_breadths(const spsi_splatter *s, const float q[3], float breadth[3]) {
     for (int k = 0; k < 3; ++k) {
         float square = 0;
@@ -10238,7 +10239,7 @@ static void spsi_voxel_breadths(const spsi_splatter *s, const float q[3], float 
     }
 }
 
-/* Deposits if voxels are small at all corners. Reaches one slab beyond the nearest. */
+/* Chooses deposits if voxels are small at all corners. They reach one slab beyond the nearest. */
 SPSI_COLD void spsi_splatter_deposits(spsi_splatter *splatter, const spsi_rays *rays, const spsi_bounds *bounds) {
     for (int corner = 0; corner < 8; ++corner) {
         double point[3], q[3];
@@ -10261,8 +10262,8 @@ typedef struct spsi_deposit {
     const spsi_splatter *splatter;
     const spsi_brick_origin *origin;
     float breadth[3];
-    int low[3], high[3]; /* samples of the tile */
-    int edges[2][3];     /* all samples */
+    int low[3], high[3]; /* sample range of the tile */
+    int edges[2][3];     /* range of all samples */
     int kept;            /* 1: borders also take the mass beyond them */
 } spsi_deposit;
 
@@ -10292,7 +10293,7 @@ static void spsi_deposit_begin(const spsi_tile *tile, const spsi_splatter *s, co
     spsi_voxel_breadths(s, q, deposit->breadth);
 }
 
-/* Linear weights. `after` is the positive offset from the nearest sample, averaged over the breadth. */
+/* Linear weights. `after`: positive part of the offset from the nearest sample, averaged over the breadth. */
 static inline void spsi_deposit_weights_along(int axis, spsi_v at, float breadth, spsi_v mass,
                                               spsi_deposit_weights *shares) {
     const spsi_v nearest = spsi_round(at), off = spsi_sub(at, nearest), zero = spsi_set(0);
@@ -10439,7 +10440,7 @@ typedef struct spsi_sphere_footprint {
     const spsi_sphere_setup *crossing;
     const spsi_projected_sphere *projected;
     int x0, x1, y0, y1; /* inclusive */
-    int first, last;    /* last is exclusive */
+    int first, last;    /* slabs; last is exclusive */
     int starts;         /* 1: also add the mass in front */
     int ends;           /* 1: also add the mass behind */
 } spsi_sphere_footprint;
@@ -10512,7 +10513,7 @@ static inline void spsi_splat_sphere(const spsi_sphere_footprint *print, int cla
                                  &sections);
 }
 
-/* `starts`: first chunk; `left`: slabs from here to the last. */
+/* `starts` 1: first chunk; `left`: slabs from this chunk on. */
 static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossing,
                                 const spsi_projected_sphere *projected, int starts, int left) {
     const spsi_sphere *sphere = &projected->sphere;
@@ -10538,45 +10539,45 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossi
 }
 
 /* ================================================================================================ >>sampler
-   21 Volumes sampled per pixel (gathered). A value is the sum of 4^3 or 6^3 voxels around a point, weighted by a
-   normalised kernel tabulated for 1025 positions. Bricks of 8^3 voxels have an apron for the taps. They share layers
-   with those above and below, and store no empty ones. A bit per cell of 2^3 voxels marks where samples matter. Samples
-   lie in the middles of steps h. A slab's integral is h times their sum plus h / 24 times the change of differences
-   between its ends. This midpoint rule with end correction has an error O(h^4). Slabs cut by a polygon or the near
-   plane are sampled separately.
-   Where voxels are smaller than pixels, a pixel has two rays. They swing between corners of its middle half from sample
-   to sample, as good as four rays. Still smaller voxels take up to 8^2. Unclassified volumes have a pyramid, filtered
-   by 1, 3, 3, 1 along each axis (spectrum cos^3). Classified ones have none, since a transfer function of a mean is not
-   the mean of the transfer function. The camera's pixels choose one level for all targets; with two, gas would lie
-   before or behind its own shadow. The next level is blended in gradually.
-   With a tolerance, sixteen rays stand for 8 x 8 pixels where gas is smooth. Cubics interpolate between them; third
-   differences per octant of a brick bound the error.
+   21 Volumes sampled per pixel (gathered). A sample sums 4^3 or 6^3 voxels, weighted by a normalised kernel tabulated
+   at 1025 positions. Bricks of 8^3 voxels have an apron for the taps. Vertical neighbours share layers; empty layers
+   are not stored. A bit per cell of 2^3 voxels marks where samples matter. Samples lie in the middle of steps h. A
+   slab's integral is h times their sum plus h / 24 times the change of differences between its ends. This end-corrected
+   midpoint rule has error O(h^4). Slabs cut by a polygon or the near plane are sampled separately.
+   Where voxels are smaller than pixels, a pixel has two rays. They alternate each sample between corners of its middle
+   half, as good as four rays. Still smaller voxels take up to 8^2. Unclassified volumes have a pyramid, filtered by (1,
+   3, 3, 1) / 8 along each axis (spectrum cos^3). Classified ones have none, since transfer functions do not commute
+   with filters. The camera's pixels choose one level for all targets; with two, media would lie in front of or behind
+   their own shadow. The next level is blended in gradually.
+   With a tolerance, sixteen rays stand for 8 x 8 pixels where media are smooth. Cubics interpolate between them; third
+   differences per brick octant bound the error.
    Cost in vector operations: 20 per sample of 4^3 voxels, 80 of 6^3, twice that per gradient. Add 60 per vector of
    samples; interpolated ones take 5. A level takes 60 per voxel. */
 
 #define SPSI_SAMPLER_MOST     11    /* samples per ray and slab; thicker slabs are splatted */
 #define SPSI_SAMPLER_STEP     1.45  /* largest step in voxels: one sample in a one-voxel slab at any angle */
 #define SPSI_SAMPLER_STEP_6   1.0   /* with 6^3 taps */
-#define SPSI_SAMPLER_OPAQUE   1e4   /* splat voxels of greater optical depth: a tap 3 voxels away weighs 1e-5 */
-#define SPSI_SAMPLER_VARIANCE 0.125 /* least variance of a voxel in ray spacings: half the pixel filter's */
-#define SPSI_SAMPLER_TWO    0.25    /* limit for two swinging rays, which miss more */
-#define SPSI_SAMPLER_LONE   0.3 /* limit where lone voxels keep their mass: 4 exp(-2 pi^2 0.3) = 1 % */
-#define SPSI_SAMPLER_WIDEST 1.0 /* largest standard deviation of a level's voxel, in texels or half pixels */
-#define SPSI_SAMPLER_RAYS   64  /* rays per pixel */
+#define SPSI_SAMPLER_OPAQUE   1e4   /* voxels of greater optical depth are splatted: a tap 3 voxels away weighs 1e-5 */
+#define SPSI_SAMPLER_VARIANCE 0.125 /* minimum variance of a voxel in square ray spacings: half the pixel filter's */
+#define SPSI_SAMPLER_TWO    0.25    /* minimum for two alternating rays, which miss more */
+#define SPSI_SAMPLER_LONE   0.3 /* minimum for isolated voxels to keep their mass: 4 exp(-2 pi^2 0.3) = 1 % */
+#define SPSI_SAMPLER_WIDEST 1.0 /* maximum standard deviation of a level's voxel, in texels or half pixels */
+#define SPSI_SAMPLER_RAYS   64  /* maximum rays per pixel */
 #define SPSI_SAMPLER_SLABS  (SPSI_CHUNK + 4) /* slabs per tile */
 #define SPSI_PYRAMID_BATCH  16               /* bricks per task */
-#define SPSI_PYRAMID_CELLS  16777216         /* 2^24: floats count a grid's bricks */
+#define SPSI_PYRAMID_CELLS  16777216         /* 2^24: floats index a grid's bricks */
 
-/* Nanoseconds that decide between splatting and gathering; only ratios matter. Measured on one core with vectors of 16,
-   but used on all machines, so that images do not depend on them. Footprints count 1.35 times, since some lie in two
-   tiles or chunks. With 6^3 taps, eleven passes (bonsai, blob, smoke, full 256^3; high, ultra; 256, 1024 pixels) break
-   even between 16 and 37, median 28. At medium quality, any value up to 20 for 4^3 gathers all, which is faster. */
+/* Nanoseconds, to choose between splatting and gathering; only ratios matter. Measured on one core with 16-wide
+   vectors, but used everywhere, so that images do not depend on the machine. Footprints count 1.35 times, since some
+   lie in two tiles or chunks. With 6^3 taps, eleven passes (bonsai, blob, smoke, full 256^3; high, ultra; 256, 1024
+   pixels) break even between 16 and 37, median 28. At medium quality, any value up to 20 for 4^3 gathers all, which is
+   faster. */
 #define SPSI_COST_FOOTPRINT   90.0
 #define SPSI_COST_FRAGMENT    0.57
 #define SPSI_COST_SAMPLE      8.0
 #define SPSI_COST_SAMPLE_WIDE 27.0 /* 6^3 taps */
 
-/* Floats along an edge, apron included, from row to row, and in a plane. With 6 taps a row is a cache line. */
+/* Floats along a brick's edge with apron, per row, and per plane. With 6 taps a row is a cache line. */
 static inline int spsi_pyramid_edge(int taps) { return SPSI_BRICK + taps - 1; }
 static inline int spsi_pyramid_pitch(int taps) { return taps > 4 ? 16 : 11; }
 static inline int spsi_plane_floats(int taps) { return spsi_pyramid_edge(taps) * spsi_pyramid_pitch(taps); }
@@ -10607,8 +10608,7 @@ SPSI_COLD void spsi_pyramids_weigh(spsi_pyramid *fields, int taps) {
     }
 }
 
-/* Octants (4^3 voxels) within a brick's reach, counted from the volume's first voxel: first and last along each
-   axis. */
+/* First and last octant (4^3 voxels) within a brick's reach along each axis, counted from the volume's first voxel. */
 SPSI_COLD void spsi_pyramid_reach(const spsi_brick *brick, int taps, int range[2][3]) {
     enum { HALF = SPSI_BRICK / 2 };
     for (int k = 0; k < 3; ++k) {
@@ -10675,7 +10675,7 @@ static void spsi_pyramid_mark(const spsi_brick *brick, int taps, spsi_pyramid_le
             }
 }
 
-/* Numbers the bricks within reach of source bricks. */
+/* Indexes the bricks within reach of source bricks. */
 SPSI_COLD void spsi_pyramid_number(const spsi_brick *bricks, int taps, spsi_pyramid_level *field) {
     const size_t cells = spsi_pyramid_cells(field);
     memset(field->grid, 0, cells * sizeof *field->grid);
@@ -10696,7 +10696,7 @@ typedef struct spsi_pyramid_job {
     const spsi_pyramid_level *fine; /* next finer level, or NULL */
 } spsi_pyramid_job;
 
-/* Stored brick at a place; -1: none. */
+/* Stored brick's index; -1: none. */
 static int spsi_pyramid_held(const spsi_pyramid_level *field, const int at[3]) {
     return spsi_pyramid_has(field, at) ? field->grid[spsi_pyramid_cell(field, at)] : -1;
 }
@@ -10737,7 +10737,7 @@ SPSI_COLD void spsi_pyramid_list(const spsi_pyramid_job *job) {
         spsi_pyramid_at(field, brick->place, at);
         for (int n = 0; n < 8 && fine; ++n) {
             const int held = spsi_level_child(fine, at, n);
-            for (int q = 0; q < 4 && held >= 0; ++q) /* half a brick covers two thirds */
+            for (int q = 0; q < 4 && held >= 0; ++q) /* half a brick touches two thirds */
                 brick->layers[(n / 2 % 2 + q / 2) * 3 + n % 2 + q % 2] |=
                     spsi_level_layers(job->taps, &fine->stored[held], n / 4);
         }
@@ -10751,7 +10751,7 @@ SPSI_COLD void spsi_pyramid_list(const spsi_pyramid_job *job) {
     }
 }
 
-/* Visible voxels: above 0 in a gas; classified ones unless the whole range 0..value is transparent. */
+/* Marks visible voxels: above 0, or if classified, unless the whole range 0..value is transparent. */
 static void spsi_pyramid_show(const spsi_pyramid_job *job, int held) {
     const int pitch = spsi_pyramid_pitch(job->taps), border = job->taps / 2 - 1;
     const int lanes = spsi_imin(SPSI_LANES, SPSI_BRICK), whole = (1 << lanes) - 1;
@@ -10814,7 +10814,7 @@ SPSI_COLD size_t spsi_pyramid_place_planes(int taps, const spsi_pyramid_level *f
         spsi_pyramid_at(field, field->stored[held].place, at);
         for (int n = 0; n < 9; ++n) {
             const int other = spsi_pyramid_beside(field, at, n % 3 - 1, n / 3 - 1, 0);
-            for (int q = 0; q < 9 && other >= 0; ++q) /* neighbours count by their thirds next to the brick */
+            for (int q = 0; q < 9 && other >= 0; ++q) /* only neighbours' thirds next to the brick count */
                 if ((n % 3 == 1 || n % 3 + q % 3 == 2) && (n / 3 == 1 || n / 3 + q / 3 == 2))
                     layers |= field->stored[other].layers[q];
         }
@@ -10885,7 +10885,7 @@ static void spsi_cells_mark(const uint64_t *const shown[27], int reach, uint32_t
     }
 }
 
-/* Fills aprons and marks cells to sample, with voxels within taps / 2, or n more for mask n of a classified volume. */
+/* Fills aprons and marks cells with visible voxels within taps / 2, or n more in mask n of a classified volume. */
 static void spsi_pyramid_apron_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
     const spsi_pyramid_level *field = job->field;
@@ -10931,8 +10931,7 @@ static inline void spsi_third_difference(const float *v, const int step[3], spsi
     }
 }
 
-/* Bound of the third derivative in any direction per octant, in voxel units: the norm of its greatest third
-   differences. */
+/* Bound on the third derivative in any direction per octant, in voxel units: norm of the largest third differences. */
 static void spsi_pyramid_thirds(int taps, const float *values, float bends[8]) {
     static const float weights[10] = {1, 1, 1, 3, 3, 3, 3, 3, 3, 6};
     const int pitch = spsi_pyramid_pitch(taps), border = taps / 2 - 1;
@@ -10970,7 +10969,7 @@ SPSI_COLD void spsi_level_place(const spsi_pyramid_level *fine, spsi_pyramid_lev
     }
 }
 
-/* Numbers a level's bricks around the finer ones. Each may have voxels of its own. */
+/* Indexes a level's bricks around the finer ones. Each may have voxels of its own. */
 SPSI_COLD void spsi_level_number(const spsi_pyramid_level *fine, spsi_pyramid_level *level) {
     const size_t cells = spsi_pyramid_cells(level);
     memset(level->grid, 0, cells * sizeof *level->grid);
@@ -10988,7 +10987,7 @@ SPSI_COLD void spsi_level_number(const spsi_pyramid_level *fine, spsi_pyramid_le
     for (size_t i = 0; i < cells; ++i) level->grid[i] = level->grid[i] ? level->count++ : -1;
 }
 
-/* Downsamples a brick and its one-voxel border to 4^3 voxels of another, weights (1, 3, 3, 1) / 8. */
+/* Downsamples a brick and its one-voxel border to 4^3 voxels of another with weights (1, 3, 3, 1) / 8. */
 static void spsi_level_octant(const spsi_pyramid_job *job, int from, int to, const int first[3]) {
     enum { FROM = SPSI_BRICK + 2, TO = SPSI_BRICK / 2 };
     const int pitch = spsi_pyramid_pitch(job->taps), before = job->taps / 2 - 2;
@@ -11038,19 +11037,19 @@ typedef struct spsi_sampler {
     const spsi_pyramid *fields;
     const spsi_pyramid_level *field; /* level sampled */
     const spsi_pyramid_level *finest;
-    const uint32_t (*cells)[2]; /* cells to sample, for the reach wanted */
-    int level, wanted;          /* level sampled, 0: as read; the frame's level */
-    float mix, least, widest;   /* weight of the next level; least variance in half pixels; greatest width */
-    int rays, side;             /* rays per pixel: 1, 2 that swing, or 2^2 to 8^2; per side */
+    const uint32_t (*cells)[2]; /* cells to sample, for the required reach */
+    int level, wanted;          /* level sampled, 0: full resolution; the frame's level */
+    float mix, least, widest;   /* weight of the next level; minimum variance in half pixels; maximum width */
+    int rays, side;             /* rays per pixel: 1, 2 alternating, or 2^2 to 8^2; rays per side */
     float aside;                /* pixels from centre to outermost ray, per axis */
     double breadth;             /* standard deviation of a voxel along its longest edge */
     spsi_linear at[3], slab;
     int whole;        /* 1: neither polygons nor the near plane cut slabs */
-    int lone;         /* 1: one sample per slab, stored instead of its mean */
+    int lone;         /* 1: one sample per slab, stored instead of a mean */
     int steps;        /* samples per slab */
     float near_d;     /* t where rays begin, minus depth_reference */
     float scale;      /* factor on values */
-    float rows[3][3]; /* coordinates per world length, times the cube root of a voxel's volume */
+    float rows[3][3]; /* coordinates per world unit, times the cube root of a voxel's volume */
 } spsi_sampler;
 
 typedef struct spsi_taps {
@@ -11059,7 +11058,7 @@ typedef struct spsi_taps {
     const float *weight[3], *change[3];
 } spsi_taps;
 
-/* Sum of taps as four partial sums. Calls pass a constant `taps`, so that compilers unroll. */
+/* Weighted sum of taps as four partial sums. Callers pass a constant `taps`, so that compilers unroll. */
 static inline spsi_four spsi_taps_sum(int taps, const spsi_taps *at) {
     const int pitch = spsi_pyramid_pitch(taps), halves = taps > 4 ? 2 : 1;
     const float *x = at->weight[0], *y = at->weight[1], *z = at->weight[2];
@@ -11077,7 +11076,7 @@ static inline spsi_four spsi_taps_sum(int taps, const spsi_taps *at) {
     return taps == 4 ? sum[0] : spsi_four_add(1, spsi_four_mul(spsi_four_load(x + 4), sum[1]), sum[0]);
 }
 
-/* Derivatives per voxel, as partial sums likewise. */
+/* Derivatives per voxel, likewise as partial sums. */
 static inline void spsi_taps_changes(int taps, const spsi_taps *at, spsi_four changes[3]) {
     const int pitch = spsi_pyramid_pitch(taps), halves = taps > 4 ? 2 : 1;
     const float *y = at->weight[1], *z = at->weight[2], *dy = at->change[1], *dz = at->change[2];
@@ -11143,7 +11142,7 @@ static inline void spsi_sampler_taps(const spsi_sampler *t, const spsi_sampler_p
     }
 }
 
-/* Values at points in `lanes`, which must lie inside the bricks; 0 in cells not sampled. Adds the samples to *count. */
+/* Values at points in `lanes`, which must lie inside the bricks; 0 in cells not sampled. Counts samples in *count. */
 static inline spsi_v spsi_sampler_values(const spsi_sampler *t, const spsi_v place[3], int lanes, uint64_t *count) {
     float fours[4 * SPSI_LANES];
     spsi_sampler_places at;
@@ -11255,7 +11254,7 @@ static inline void spsi_sampler_rays_limit(const spsi_sampler *t, const spsi_til
                                            spsi_sampler_rays *rays) {
     const spsi_v steps = spsi_set((float)t->steps), last = spsi_set((float)tile->slab_count);
     const spsi_v slope = spsi_div(spsi_set(1), rays->per_slab);
-    spsi_v begin, end, low, high; /* slab coordinates; sample numbers */
+    spsi_v begin, end, low, high; /* slab coordinates; sample indices */
     rays->nearest = spsi_set(t->near_d);
     rays->limit = spsi_hit_depths(tile->limits, tile->limit_width, tile->limit_height, x, y);
     begin = spsi_fma(slope, rays->nearest, rays->base);
@@ -11312,7 +11311,7 @@ static float spsi_sampler_part(const spsi_sampler *t, const spsi_sampler_rays *r
     return sum * step;
 }
 
-/* Slab integrals: `whole`, unless the ray begins or ends inside. */
+/* Slab integrals: `whole`, unless a ray begins or ends inside. */
 static spsi_v spsi_sampler_cut(const spsi_sampler *t, const spsi_sampler_rays *rays, int lanes, spsi_v enter,
                                spsi_v leave, spsi_v whole, uint64_t *samples) {
     const spsi_v from = spsi_max(enter, rays->nearest), to = spsi_min(leave, rays->limit);
@@ -11357,7 +11356,7 @@ static spsi_v spsi_only(spsi_v a, int lanes) {
     return spsi_load(values);
 }
 
-/* Adds slab integrals to sheets of `size` floats, at `at`. One more sample on either side yields slopes. */
+/* Adds slab integrals to sheets of `size` floats, at offset `at`. One more sample on either side yields slopes. */
 static void spsi_sampler_add(const spsi_sampler *t, spsi_tile *tile, const spsi_sampler_rays *rays, float *sheets,
                              size_t at, size_t size) {
     const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale / (float)t->steps));
@@ -11417,7 +11416,7 @@ typedef struct spsi_sampler_patch {
     float x[16], y[16]; /* row by row */
 } spsi_sampler_patch;
 
-/* Ray at a corner: bit 0 is right, bit 1 down. */
+/* A corner's ray: bit 0 is right, bit 1 down. */
 static inline int spsi_sampler_corner(int corner) { return 3 * (corner & 1) + 12 * (corner >> 1); }
 
 static float spsi_sampler_slabs_per_depth(const spsi_sampler *t, float x, float y) {
@@ -11430,7 +11429,7 @@ static float spsi_sampler_patch_depth(const spsi_sampler *t, const spsi_sampler_
     return ((float)plane - base) / spsi_sampler_slabs_per_depth(t, x, y);
 }
 
-/* Greatest length of a patch in voxels along its rows (axis 0) or columns (1). */
+/* Maximum length of a patch in voxels along its rows (axis 0) or columns (1). */
 static float spsi_sampler_patch_extent(const spsi_sampler *t, const spsi_tile *tile, const spsi_sampler_patch *patch,
                                        int axis) {
     float most = 0;
@@ -11453,8 +11452,8 @@ static float spsi_sampler_patch_extent(const spsi_sampler *t, const spsi_tile *t
     return sqrtf(most);
 }
 
-/* Error over the third derivative: w^3 / 378.8 for a cubic with four even nodes across w (integrated Peano kernel).
-   Greatest sum of the magnitudes of its weights. */
+/* Error over the third derivative: w^3 / 378.8 for a cubic through four evenly spaced nodes across w (integrated Peano
+   kernel). SPSI_CUBIC_WEIGHTS: its Lebesgue constant. */
 #define SPSI_CUBIC_BOUND   (1 / 378.8f)
 #define SPSI_CUBIC_WEIGHTS 1.631f
 
@@ -11479,13 +11478,13 @@ static void spsi_sampler_patch_range(const spsi_sampler *t, const spsi_tile *til
             range[1] = spsi_fmin(range[1], spsi_hit_depth(tile->limits, tile->limit_width, tile->limit_height, x, y));
 }
 
-/* Boxes of slabs on a patch's rays, in sample coordinates. */
+/* Boxes around a patch's rays per slab, in sample coordinates. */
 typedef struct spsi_sampler_boxes {
     spsi_v low[3], high[3];
     spsi_v begin, end; /* depths */
 } spsi_sampler_boxes;
 
-/* Extends boxes to a corner's ray in slabs, and `beyond` slabs to either side. */
+/* Extends boxes to a corner's ray in each slab, and `beyond` slabs to either side. */
 static inline void spsi_sampler_boxes_extend(const spsi_sampler *t, const spsi_sampler_patch *patch, int corner,
                                              spsi_v slab, float beyond, spsi_sampler_boxes *boxes) {
     const float x = patch->x[spsi_sampler_corner(corner)] + (corner & 1 ? t->aside : -t->aside);
@@ -11506,8 +11505,8 @@ static inline void spsi_sampler_boxes_extend(const spsi_sampler *t, const spsi_s
     }
 }
 
-/* Octants that boxes meet along an axis. Bounds cover the next octant too: finds the first octant and the last pair,
-   and returns the number of pairs. A sample's differences begin up to taps / 2 - 1 before it and taps / 2 behind it. A
+/* Octants that boxes meet along an axis. Stored bounds also cover the next octant: finds the first and last pair, and
+   returns the number of pairs. A sample's differences begin up to taps / 2 - 1 before it and taps / 2 behind it. A
    level's differences sum finer ones up to 2.5 voxels away. */
 static int spsi_sampler_boxes_eighths(const spsi_sampler *t, const spsi_sampler_boxes *boxes, int axis, spsi_v *first,
                                       spsi_v *last) {
@@ -11623,7 +11622,7 @@ static void spsi_sampler_patch_spread(const spsi_tile *tile, const spsi_sampler_
     }
 }
 
-/* Adds the slabs in a mask. */
+/* Interpolates the slabs in mask `smooth`. */
 static void spsi_sampler_patch_add(const spsi_sampler *t, spsi_tile *tile, const spsi_sampler_patch *patch,
                                    uint32_t smooth, float *sheets) {
     float sums[SPSI_SAMPLER_SLABS * 16] = {0};
@@ -11655,7 +11654,7 @@ static float spsi_sampler_crossed(const spsi_sampler *t, const spsi_tile *tile) 
     return most;
 }
 
-/* Samples per slab that crosses `way` voxels. */
+/* Samples per slab of length `way` in voxels. */
 static int spsi_sampler_steps(const spsi_sampler *t, float way) {
     const float steps = ceilf(spsi_fmin(way / (float)spsi_sampler_step(t->fields), SPSI_SAMPLER_MOST));
     return t->lone ? 1 : spsi_imax(1, (int)steps);
@@ -11686,15 +11685,15 @@ SPSI_COLD void spsi_sampler_build(const spsi_pyramid *fields, const spsi_lattice
     sampler->near_d = spsi_rays_begin(rays);
 }
 
-/* Kernel reach in voxels as read; downsampling adds up to 1.5 of the level's. */
+/* Kernel reach in full-resolution voxels; downsampling adds up to 1.5 of the level's. */
 static double spsi_sampler_reach(const spsi_sampler *sampler) {
     const double reach = sampler->fields->taps / 2.0;
     const int level = sampler->level + (sampler->mix > 0);
     return level ? (reach + 1.5) * (1 << level) : reach;
 }
 
-/* Footprint variance at ray coordinates (x t, y t, t) without the pixel filter: the least, and a circle's of equal
-   area. */
+/* Footprint variances at ray coordinates (x t, y t, t) without the pixel filter: the minimum, and that of an equal-area
+   circle. */
 static void spsi_footprint_variances(const spsi_splatter *s, const double q[3], double *least, double *area) {
     const double t = s->perspective ? q[2] : 1, x = s->perspective ? q[0] / t : 0, y = s->perspective ? q[1] / t : 0;
     double c[6], xx, yy, xy;
@@ -11712,9 +11711,9 @@ typedef enum spsi_fill_choice {
     SPSI_SPLAT_NEAR,
     SPSI_SPLAT_THICK,
     SPSI_SPLAT_SPREAD, /* no pyramid */
-    SPSI_SPLAT_OPAQUE, /* opaque: a truncated kernel would shade its skin */
+    SPSI_SPLAT_OPAQUE, /* a truncated kernel would show on opaque surfaces */
     SPSI_SPLAT_CHEAPER,
-    SPSI_SPLAT_MASS, /* gas in cells: samples would lose mass */
+    SPSI_SPLAT_MASS, /* media in cells: samples would lose mass */
     SPSI_DEPOSITED,  /* likewise, smaller than samples */
     SPSI_GATHER_ASKED,
     SPSI_GATHER_CHEAPER
@@ -11734,7 +11733,7 @@ SPSI_COLD void spsi_sampler_longest(const spsi_sampler *sampler, const spsi_rays
     }
 }
 
-/* Samples per voxel volume at `q`. More than four rays count as four; otherwise gas in perspective would be splatted
+/* Samples per voxel volume at `q`. More than four rays count as four; otherwise media in perspective would be splatted
    and appear wider. */
 SPSI_COLD double spsi_sampler_density(const spsi_sampler *sampler, const spsi_rays *rays, const double q[3]) {
     const double depth = q[2] - rays->depth_reference;
@@ -11808,8 +11807,8 @@ SPSI_COLD int spsi_sampler_pays(const spsi_sampler *sampler, const spsi_lattice 
            field->voxels * (SPSI_COST_FOOTPRINT + SPSI_COST_FRAGMENT * fragments);
 }
 
-/* Number of coarser levels, none if classified. At high quality and beyond, none for voxels more than twice as long as
-   wide: a level is wider along all edges. */
+/* Number of coarser levels; 0 if classified. At high quality and above, 0 for voxels more than twice as long as wide:
+   levels widen all edges. */
 SPSI_COLD int spsi_levels_wanted(const spsi_frame *frame, int medium) {
     const spsi_lattice *lattice = &frame->lattices[medium];
     double shortest = HUGE_VAL, longest = 0;
@@ -11831,7 +11830,7 @@ SPSI_COLD double spsi_medium_depth(const spsi_frame *frame, const spsi_lattice *
 
 typedef enum spsi_sample_pattern {
     SPSI_SAMPLER_PIXELS, /* one ray, or several for smaller voxels */
-    SPSI_SAMPLER_SHEETS  /* a light's: one ray first, at any level */
+    SPSI_SAMPLER_SHEETS  /* a light's sheets: one ray first, at any level */
 } spsi_sample_pattern;
 
 /* True if one sample per slab is enough. */
@@ -11845,7 +11844,7 @@ SPSI_COLD int spsi_sampler_is_fine(const spsi_sampler *sampler, const spsi_latti
     return 1;
 }
 
-/* True if a volume ends before rays begin; coarser levels may reach pixels farther. */
+/* True if a volume ends before rays begin; coarser levels may reach some pixels farther. */
 static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *rays) {
     spsi_bounds bounds = spsi_nowhere;
     spsi_medium_bounds(medium, SPSI_REACH, &bounds);
@@ -11858,9 +11857,9 @@ static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *ray
     return 1;
 }
 
-/* Builds and tests a level's sampler. Classified volumes take one sample where enough: a parabola through samples is as
-   exact as one through means, and needs only adjacent slabs. Slabs as thick as pixels demand also get one; a mean of
-   several would be classified wrongly. Nine rays replace four that lose a lone voxel's mass, or whose 4 taps cut off
+/* Builds and tests a level's sampler. Classified volumes take one sample per slab if enough: a parabola through samples
+   is as exact as one through means, and needs only adjacent slabs. Slabs widened for large pixels also get one; a mean
+   of several would be classified wrongly. Nine rays replace four that lose a lone voxel's mass, or whose 4 taps cut off
    its edge. */
 SPSI_COLD spsi_fill_choice spsi_sampler_try(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
                                             const spsi_splatter *splatter, int level, int count,
@@ -11880,7 +11879,7 @@ SPSI_COLD spsi_fill_choice spsi_sampler_try(const spsi_frame *frame, const spsi_
 }
 
 /* Decides how a volume fills sheets, and builds its sampler: the frame's level with the fewest rays that suffice. If
-   none is chosen yet: the finest level for two or four rays, else the coarsest, the cheapest. */
+   none is chosen yet: the finest level that two or four rays serve, else the coarsest, the cheapest. */
 SPSI_COLD spsi_fill_choice spsi_sampler_judge(const spsi_frame *frame, const spsi_lattice *lattice,
                                               const spsi_rays *rays, const spsi_slabs *slabs,
                                               const spsi_splatter *splatter, spsi_sample_pattern pattern,
@@ -11910,8 +11909,8 @@ SPSI_COLD spsi_fill_choice spsi_sampler_judge(const spsi_frame *frame, const sps
 }
 
 /* Weight of the next level, in 128ths. It grows from 0 to 1 over the last octave of variance before that level takes
-   over. It does so where four rays are too few and its voxels narrow enough. In perspective, the far side decides the
-   first, the near side the second. */
+   over. It does so once four rays are too few and its voxels narrow enough. In perspective, the far side decides the
+   former, the near side the latter. */
 static float spsi_levels_mix(const spsi_frame *frame, int medium, const spsi_sampler *sampler) {
     const double wide = 4 * (double)sampler->widest * (double)sampler->widest / SPSI_SAMPLER_WIDEST;
     const double octaves = log(spsi_dmax((double)sampler->least / SPSI_SAMPLER_VARIANCE, wide)) / log(2.0);
@@ -11955,7 +11954,7 @@ static void spsi_levels_choose(const spsi_frame *frame) {
 
 /* --- building pyramids --- */
 
-/* Taps per axis. At medium quality, 4 truncate less than slabs err. */
+/* Taps per axis. At medium quality, slab errors exceed the truncation error of 4. */
 SPSI_COLD int spsi_taps_wanted(const spsi_frame *frame) { return frame->view.quality > SPS_QUALITY_MEDIUM ? 6 : 4; }
 
 /* Key of the pyramids needed; 0: none. */
@@ -11964,7 +11963,7 @@ static int spsi_pyramids_wanted(const spsi_frame *frame) {
     return spsi_taps_wanted(frame) + 8 * frame->has_gradients;
 }
 
-/* Maximum bricks of a grid: floats count them; sparser volumes are splatted, unless they have surfaces. */
+/* Maximum bricks of a grid, since floats index them. Sparser volumes are splatted, unless they need gradients. */
 SPSI_COLD size_t spsi_pyramid_cells_most(const spsi_frame *frame, size_t bricks) {
     const size_t most = frame->has_gradients ? SPSI_PYRAMID_CELLS : 64 * bricks + 65536;
     return bricks < (SPSI_PYRAMID_CELLS - 65536) / 64 ? most : SPSI_PYRAMID_CELLS;
@@ -11991,7 +11990,7 @@ SPSI_COLD void spsi_pyramid_whole(const spsi_medium *medium, spsi_pyramid_level 
     }
 }
 
-/* True if the tolerance serves any volume, neither classified nor emissive. */
+/* True if the tolerance applies: some volume is neither classified nor emissive. */
 SPSI_COLD int spsi_may_interpolate(const spsi_frame *frame) {
     for (int m = 0; m < frame->medium_count && frame->view.tolerance > 0; ++m) {
         const spsi_material *material = &frame->matter.materials[frame->media[m].channel];
@@ -12000,12 +11999,12 @@ SPSI_COLD int spsi_may_interpolate(const spsi_frame *frame) {
     return 0;
 }
 
-/* Upper bound of all pyramids' bytes; `bricks`: as many as may be read per volume. Voxels are within reach of 3^3
-   bricks per level: the finer ones and their neighbours span up to five. Sides below three bricks may grow to three. */
+/* Upper bound on all pyramids' bytes; `bricks`: maximum read per volume. Voxels are within reach of 3^3 bricks per
+   level: the finer ones and their neighbours span up to five. Sides below three bricks may grow to three. */
 static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, const uint64_t *bricks) {
     const size_t plane = (size_t)spsi_plane_floats(spsi_taps_wanted(frame)) * sizeof(float);
     spsi_reserve(context, SPSI_BUFFER_PYRAMIDS, 1, sizeof(spsi_pyramid));
-    spsi_reserve(context, SPSI_BUFFER_PYRAMID_VALUES, 2, plane); /* empty ones */
+    spsi_reserve(context, SPSI_BUFFER_PYRAMID_VALUES, 2, plane); /* empty planes */
     for (int m = 0; m < frame->medium_count; ++m) {
         const size_t reached = 27 * (size_t)bricks[m], most = spsi_pyramid_cells_most(frame, (size_t)bricks[m]);
         spsi_pyramid_level levels[2];
@@ -12023,7 +12022,7 @@ static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, c
     }
 }
 
-/* Returns the integers of all grids. */
+/* Returns all grids' integer count. */
 SPSI_COLD size_t spsi_pyramids_begin(const sps_context *context, const spsi_frame *frame, spsi_pyramid *fields) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     size_t all = 0;
@@ -12075,7 +12074,7 @@ SPSI_COLD sps_result spsi_pyramids_place(sps_context *context, const spsi_frame 
     return SPS_OK;
 }
 
-/* Levels of a volume up to `most`; 0 is the finest. */
+/* Coarsest level up to `most`; 0 is the finest. */
 static int spsi_levels_cached(const spsi_frame *frame, int medium, int most) {
     return frame->content->fields->levels[medium]->count > 0 ? spsi_imin(most, spsi_levels_wanted(frame, medium)) : 0;
 }
@@ -12103,7 +12102,7 @@ SPSI_COLD void spsi_pyramid_fill(sps_context *context, int reaches, spsi_pyramid
     spsi_parallel_by(context, SPSI_PYRAMID_BATCH, field->count, spsi_pyramid_apron_task, job);
 }
 
-/* Stores levels `first` to `last`, which are numbered. */
+/* Stores the indexed levels `first` to `last`. */
 SPSI_COLD sps_result spsi_levels_store(sps_context *context, const spsi_frame *frame, int first, int last) {
     const size_t empty = (size_t)spsi_plane_floats(frame->content->fields->taps);
     size_t bricks = 0, floats = empty;
@@ -12164,7 +12163,7 @@ SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *fr
 
 /* --- third differences --- */
 
-#define SPSI_PYRAMID_FLOATS (13 * 13 * 16 + SPSI_LANES) /* most of a brick, its apron and a vector */
+#define SPSI_PYRAMID_FLOATS (13 * 13 * 16 + SPSI_LANES) /* maximum for a brick, its apron and a vector */
 
 SPSI_COLD void spsi_thirds_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
@@ -12213,18 +12212,18 @@ SPSI_COLD sps_result spsi_pyramids_thirds(sps_context *context, const spsi_frame
 
 /* ============================================================================================== >>targets
    22 Filling sheets. A target is a grid of rays with a sheet per slab: the camera's, a light's, or a map face's. A
-   chunk of SPSI_CHUNK slabs is filled tile by tile. A tile is one task that adds bricks, then particles, in order of
-   their numbers. Sums are thus identical for any number of workers and any region. Queues sort both by their first
-   chunk. A tile costs one comparison per brick; particles are binned by tile. Footprints inside patches of 8 x 8 pixels
-   whose rays have all terminated cost one test. */
+   chunk of SPSI_CHUNK slabs is filled tile by tile. A tile is one task that adds bricks, then particles, in index
+   order. Sums are thus identical for any number of workers and any region. Queues sort both by first chunk. A tile
+   costs one comparison per brick; particles are binned by tile. Footprints inside 8 x 8 pixel patches whose rays have
+   all terminated cost one test. */
 
 /* --- contents of the slabs --- */
 
 typedef struct spsi_queue {
     uint16_t (*chunks)[2]; /* first and last, per item */
-    int *order;            /* sorted by first chunk, then number */
-    int *starts;           /* per chunk, and the end: first in `order` */
-    int *present;          /* current chunk's items, by number */
+    int *order;            /* sorted by first chunk, then index */
+    int *starts;           /* each chunk's first entry in `order`, and the end */
+    int *present;          /* current chunk's items, in index order */
     int count;
     int current; /* length of `present` */
 } spsi_queue;
@@ -12245,14 +12244,14 @@ static void spsi_queue_set(spsi_queue *queue, int item, int chunks, double low, 
     queue->chunks[item][1] = (uint16_t)spsi_dmin(spsi_dmax(floor(high / SPSI_CHUNK), 0), chunks - 1);
 }
 
-/* Counting sort by first chunk. Returns the largest chunk's count. */
+/* Counting sort by first chunk. Returns the fullest chunk's count. */
 static int spsi_queue_sort(spsi_queue *queue, int chunks) {
     int *passing = queue->starts + chunks + 1, here = 0, most = 0;
     memset(queue->starts, 0, ((size_t)chunks + 1) * sizeof(int));
     memset(passing, 0, ((size_t)chunks + 1) * sizeof(int));
     for (int i = 0; i < queue->count; ++i) {
         queue->starts[queue->chunks[i][0] + 1] += 1;
-        passing[queue->chunks[i][1] + 1] += 1; /* ended before this chunk */
+        passing[queue->chunks[i][1] + 1] += 1; /* ends before this chunk */
     }
     for (int chunk = 0; chunk < chunks; ++chunk) {
         here += queue->starts[chunk + 1] - passing[chunk];
@@ -12264,7 +12263,7 @@ static int spsi_queue_sort(spsi_queue *queue, int chunks) {
     return most;
 }
 
-/* Items that still reach the chunk stay; new ones are merged in place, backwards. Chunk 0 restarts. */
+/* Keeps items that reach the chunk and merges new ones in place, backwards. Chunk 0 restarts. */
 static void spsi_queue_advance(spsi_queue *queue, int chunk) {
     int held = 0, added;
     if (queue->count == 0) return;
@@ -12284,13 +12283,13 @@ SPSI_COLD int spsi_holds_gas(const sps_context *context, const spsi_frame *frame
 
 /* --- a target --- */
 
-/* A chunk's particles, binned by tile. Particles on at most 2 x 2 tiles are listed with the top left one. Wider ones
+/* A chunk's particles, binned by tile. Particles on at most 2 x 2 tiles are listed at the top left one. Wider ones
    are in the last list, which every tile reads. */
 typedef struct spsi_lists {
     spsi_projected_sphere *projected;
     int *places;  /* per particle: 4 * list + flags; -1: none */
-    int *members; /* 4 * index, + 1 if it reaches the next column of tiles, + 2 the next row */
-    int *starts;  /* per list, and the end: first member */
+    int *members; /* 4 * index, + 1 if it reaches the next column of tiles, + 2 if the next row */
+    int *starts;  /* each list's first member, and the end */
 } spsi_lists;
 
 typedef struct spsi_sheets {
@@ -12301,7 +12300,7 @@ typedef struct spsi_sheets {
 
 typedef struct spsi_shape {
     int channels;
-    int slab_margin; /* around a chunk: 1 for parabolas of classified volumes */
+    int slab_margin; /* slabs around a chunk: 1 for classified volumes' parabolas */
 } spsi_shape;
 
 typedef enum spsi_target_kind {
@@ -12320,7 +12319,7 @@ typedef struct spsi_target {
     int columns, rows;  /* tiles */
     spsi_shape shape;
     int channels[SPSI_VOLUMES_MAX];          /* per lattice; -1: not filled */
-    spsi_fill_choice verdicts[SPSI_VOLUMES_MAX]; /* gathered: by `samplers` */
+    spsi_fill_choice verdicts[SPSI_VOLUMES_MAX]; /* gathered volumes use `samplers` */
     spsi_sampler samplers[SPSI_VOLUMES_MAX];
     int set_channels[SPSI_SETS_MAX];
     spsi_target_kind kind;
@@ -12330,11 +12329,11 @@ typedef struct spsi_target {
     spsi_lists particles;
     spsi_sheets sheets;
     uint64_t (*counts)[3]; /* per worker: footprints, fragments, samples */
-    float tolerance;       /* interpolation error allowed, in optical depth; 0: none */
-    float *spent;          /* error per patch of each tile so far; NULL: none */
+    float tolerance;       /* allowed interpolation error, in optical depth; 0: none */
+    float *spent;          /* error so far, per patch of each tile; NULL: none */
 } spsi_target;
 
-/* Gathered gas without emission, at level 0 or 1, may be interpolated. Coarser voxels sum beyond the bounds' reach. */
+/* Gathered gas without emission may be interpolated at levels 0 and 1. Coarser voxels exceed the bounds' reach. */
 static int spsi_target_interpolates(const spsi_target *target, int medium) {
     const spsi_frame *frame = target->frame;
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
@@ -12385,18 +12384,18 @@ SPSI_COLD void spsi_contents_advance(spsi_contents *contents, int chunk) {
 static size_t spsi_shape_floats(const spsi_shape *shape) {
     const int slabs = SPSI_CHUNK + 2 * shape->slab_margin;
     return (size_t)(shape->channels * slabs) * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT + SPSI_TILE_WIDTH +
-           2 * SPSI_LANES; /* vectors reach beyond */
+           2 * SPSI_LANES; /* vectors overrun the end */
 }
 
-/* The camera's sheets have a channel per material. A light's have one for all gases and one per classified volume,
-   which needs a margin. */
+/* The camera's sheets have a channel per material. A light's have one for all gases and one per classified volume.
+   Classified volumes need a margin. */
 static spsi_shape spsi_shape_of(const spsi_frame *frame, int is_eye) {
     const int channels = is_eye ? frame->matter.material_count : frame->matter.light_channel_count;
     const spsi_shape shape = {channels, frame->matter.classifies};
     return shape;
 }
 
-/* `backwards`: rays cross the slabs against their order. */
+/* `backwards`: rays cross the slabs in reverse order. */
 SPSI_COLD void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
                                  spsi_target_kind kind, int backwards, spsi_target *target) {
     target->frame = frame;
@@ -12417,8 +12416,8 @@ SPSI_COLD void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays,
 }
 
 /* Decides how a volume fills a target. Lights store optical depths of gases and values of classified volumes. Sheets
-   and coarse maps end classified kernels early and do not widen them to a texel; means would be classified wrongly.
-   Samples keep the mass of gas at any level; small voxels are deposited. Returns 0 if refused. */
+   and coarse maps truncate classified kernels early and do not widen them to a texel: means would be misclassified.
+   Samples conserve gas mass at any level; small voxels are deposited. Returns 0 if the voxel size is unsupported. */
 static int spsi_target_judge(spsi_target *target, int i) {
     const spsi_frame *frame = target->frame;
     const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
@@ -12433,7 +12432,7 @@ static int spsi_target_judge(spsi_target *target, int i) {
     splatter->sign = target->crossing.sign;
     splatter->whole = target->kind == SPSI_TARGET_EYE && material->table; /* classified slabs are not cut */
     if (splatter->whole) splatter->eye_near = -FLT_MAX;
-    if (splatter->whole || looks) splatter->filter = 0; /* nor footprints widened */
+    if (splatter->whole || looks) splatter->filter = 0; /* nor are footprints widened */
     if (!keeps) {
         target->verdicts[i] = spsi_sampler_judge(frame, &frame->lattices[i], target->rays, target->slabs, splatter,
                                                  pattern, &target->samplers[i]);
@@ -12471,12 +12470,12 @@ static sps_result spsi_target_build(sps_context *context, const spsi_frame *fram
     return spsi_target_volumes(context, target);
 }
 
-#define SPSI_SUMMED_MOST 8192 /* particles summed in a sheet: each may lose half of 8192 roundings, 2.5e-4 */
+#define SPSI_SUMMED_MOST 8192 /* particles summed in floats: rounding loses at most 8192 / 2 * 6e-8 = 2.5e-4 */
 
-/* Tiles per worker: two if sums may be carried. */
+/* Tiles per worker: two if sheets may be emptied into sums. */
 static size_t spsi_sheet_tiles(const spsi_frame *frame) { return frame->particles.count > SPSI_SUMMED_MOST ? 2 : 1; }
 
-/* A tile of sheets per worker, common to all targets, and counters per target. */
+/* Reserves a tile of sheets per worker, for all targets, and counters per target. */
 SPSI_COLD sps_result spsi_targets_reserve(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const int count = contents->target_count;
@@ -12502,7 +12501,7 @@ SPSI_COLD sps_result spsi_targets_reserve(const spsi_contents *contents) {
     return SPS_OK;
 }
 
-/* --- where bricks and particles are --- */
+/* --- positions of bricks and particles --- */
 
 static void spsi_brick_slabs(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_slabs *slabs, double *low,
                              double *high) {
@@ -12517,7 +12516,7 @@ static void spsi_brick_slabs(const spsi_lattice *lattice, const spsi_brick *bric
     }
 }
 
-/* Pixels that a brick's kernels may reach. `behind`: 1 if rays extend behind their origin. */
+/* Pixels that a brick's kernels may reach. `behind`: 1 to include kernels behind the rays' origin. */
 static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_target *target, int behind,
                            int16_t box[4]) {
     const spsi_rays *rays = target->rays;
@@ -12559,7 +12558,7 @@ static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick,
     box[3] = (int16_t)floor(spsi_dmax(spsi_dmin(high[1] + filter, rays->height - 1), -1));
 }
 
-/* Reach across slabs. Gathering reaches along the axes; means need one more sample for a slope. */
+/* Reach in slabs. Gathered kernels reach along the axes; means need one more sample for their slope. */
 static double spsi_target_reach(const spsi_target *target, int lattice) {
     const spsi_splatter *splatter = &target->splatters[lattice];
     double reach = 0;
@@ -12600,7 +12599,7 @@ static void spsi_particles_task(void *data, int i) {
     spsi_queue_set(&contents->particles, i, chunks, slab - room, slab + room);
 }
 
-/* Tiles, wide particles, and the end. */
+/* One per tile, one for wide particles, and the end. */
 SPSI_COLD size_t spsi_list_starts(const spsi_rays *rays) {
     return (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays) + 2;
 }
@@ -12617,7 +12616,7 @@ SPSI_COLD sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id,
     return SPS_OK;
 }
 
-/* Fills the levels that targets gather, or surface gradients need. */
+/* Fills the pyramid levels that targets gather or surface gradients need. */
 SPSI_COLD sps_result spsi_contents_pyramids(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const double start = spsi_clock(context);
@@ -12753,14 +12752,14 @@ static int spsi_box_meets_tile(const int16_t box[4], int column, int row) {
     return box[0] < x0 + SPSI_TILE_WIDTH && box[2] >= x0 && box[1] < y0 + SPSI_TILE_HEIGHT && box[3] >= y0;
 }
 
-/* Sheets are cleared before the first footprint. */
+/* A tile being filled. `touched`: 1 once sheets are cleared. */
 typedef struct spsi_tile_fill {
     const spsi_target *target;
     const spsi_contents *contents;
     spsi_tile *tile;
     int column, row, touched;
     int summed;  /* particles in the sheets */
-    int carried; /* 1: others are in the sums behind the sheets */
+    int carried; /* 1: earlier ones are in the sums behind the sheets */
 } spsi_tile_fill;
 
 static void spsi_tile_touch(spsi_tile_fill *fill) {
@@ -12768,7 +12767,7 @@ static void spsi_tile_touch(spsi_tile_fill *fill) {
     fill->touched = 1;
 }
 
-/* Empties the sheets into the sums behind them, lest rounding loses weak particles. */
+/* Empties the sheets into the sums behind them, lest rounding lose weak particles. */
 static void spsi_tile_carry(spsi_tile_fill *fill) {
     const size_t floats = spsi_shape_floats(&fill->target->shape);
     float *sheets = fill->tile->sheets, *sums = sheets + floats;
@@ -12790,7 +12789,7 @@ static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_sampler_patch
     return x <= x1 && y <= y1;
 }
 
-/* Optical depth of a slab at value 1. */
+/* Maximum optical depth of a slab at value 1. */
 static float spsi_target_depth(const spsi_target *target, int medium, const spsi_sampler_patch *patch) {
     const spsi_frame *frame = target->frame;
     const float extinction = frame->matter.materials[frame->media[medium].channel].extinction;
@@ -12803,7 +12802,7 @@ static float spsi_target_depth(const spsi_target *target, int medium, const spsi
     return extinction * most;
 }
 
-/* Mask of slabs to interpolate with the tolerance left. */
+/* Mask of slabs that the remaining tolerance lets interpolate. */
 static uint32_t spsi_patch_choose(const spsi_sampler *here, const spsi_tile *tile, const spsi_sampler_patch *patch,
                                   float depth, float allowed, float *spent) {
     const float across = depth * spsi_sampler_patch_bound(here, tile, patch);
@@ -12819,7 +12818,7 @@ static uint32_t spsi_patch_choose(const spsi_sampler *here, const spsi_tile *til
     return smooth;
 }
 
-/* Interpolates where the tolerance up to this chunk allows. `rest`: patches per slab, reduced to the ones left. */
+/* Interpolates where the tolerance up to this chunk allows. `rest`: patches per slab left to sample. */
 static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_sampler *here, int medium, float *channel,
                                   uint64_t rest[SPSI_SAMPLER_SLABS]) {
     const spsi_target *target = fill->target;
@@ -12838,7 +12837,7 @@ static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_sampler *here
     }
 }
 
-/* Pixels in a row of patches. */
+/* Mask of pixels in a row of patches. */
 static uint64_t spsi_patch_pixels(uint64_t patches, int row) {
     uint64_t pixels = 0;
     for (int n = 0; n < 8; ++n)
@@ -12846,7 +12845,7 @@ static uint64_t spsi_patch_pixels(uint64_t patches, int row) {
     return pixels;
 }
 
-/* Pixels in patches whose rays have not terminated, by row. */
+/* Mask of the patches' pixels with unfinished rays, per row. */
 static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t live[SPSI_TILE_HEIGHT]) {
     const int width = tile->x1 - tile->x0 + 1, height = tile->y1 - tile->y0 + 1;
     SPSI_ROLLED for (int y = 0; y < SPSI_TILE_HEIGHT; ++y) {
@@ -12859,10 +12858,10 @@ static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t liv
     }
 }
 
-/* Distance from visible voxels within which samples are taken; rays cross `way` voxels per slab. Classified slabs
-   depend on adjacent ones. Means need one more sample at their ends; draft quality omits its last voxel. Of three
-   samples one is visible, so one two slabs away may matter. It is visible by voxels within 1.25, since all beyond on
-   one side weigh 0.1. At most two voxels: thicker slabs are no more exact. */
+/* Distance from visible voxels within which samples are taken; rays cross `way` voxels per slab. A classified
+   slab depends on adjacent ones: if one of three samples is visible, another two slabs away may matter. Voxels within
+   1.25 make a sample visible, since all beyond on one side weigh 0.1. Means need one more sample at their ends; draft
+   quality omits the last voxel. At most two voxels: thicker slabs are no more exact. */
 static int spsi_reach_wanted(const spsi_target *target, int medium, float way) {
     const spsi_frame *frame = target->frame;
     const float taps = (float)(target->samplers[medium].fields->taps / 2);
@@ -12873,8 +12872,8 @@ static int spsi_reach_wanted(const spsi_target *target, int medium, float way) {
     return (int)spsi_fmin(spsi_fmax(farthest, 0), SPSI_PYRAMID_REACHES - 1);
 }
 
-/* A vector's pixels in each slab's patches, from the slab before the first. `x`: pixel of the tile, `row`: of
-   patches. */
+/* Masks of a vector's pixels in each slab's patches, from the slab before the first. `x`: pixel in the tile; `row`: row
+   of patches. */
 static void spsi_tile_need(const uint64_t patches[SPSI_SAMPLER_SLABS], int count, int x, int row,
                            int by_slab[SPSI_SAMPLER_SLABS + 3]) {
     by_slab[0] = by_slab[count + 1] = by_slab[count + 2] = 0;
@@ -12882,8 +12881,7 @@ static void spsi_tile_need(const uint64_t patches[SPSI_SAMPLER_SLABS], int count
         by_slab[1 + slab] = (int)(spsi_patch_pixels(patches[slab], row) >> x & SPSI_ALL_LANES);
 }
 
-/* Adds a gathered volume on all rays that have not terminated. A vector goes down row by row, so that bricks stay in
-   the L1 cache. */
+/* Adds a gathered volume along unfinished rays. A vector moves down row by row, so that bricks stay in the L1 cache. */
 static void spsi_tile_follow(const spsi_sampler *here, spsi_tile *tile, const uint64_t patches[SPSI_SAMPLER_SLABS],
                              float *channel) {
     const int width = tile->x1 - tile->x0 + 1;
@@ -12916,7 +12914,7 @@ static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t pa
     spsi_tile_follow(&here, tile, rest, channel);
 }
 
-/* Adds a level and the next, with the rays of the next once it takes over. From here on, `mix` is each one's weight. */
+/* Blends a level and the next, each with its own ray count. From here on, `mix` is a level's weight. */
 static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
     const spsi_target *target = fill->target;
     spsi_sampler here = target->samplers[medium], next = here;
@@ -12936,7 +12934,7 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
     spsi_tile_gather_level(fill, medium, patches, next);
 }
 
-#define SPSI_TICK_BRICKS 128 /* bricks between checks of the clock: a few milliseconds */
+#define SPSI_TICK_BRICKS 128 /* bricks between clock checks: a few milliseconds */
 
 static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
     const spsi_target *target = fill->target;
@@ -12988,7 +12986,7 @@ static void spsi_tile_splat_one(spsi_tile_fill *fill, const spsi_projected_spher
     spsi_splat_particle(fill->tile, &fill->target->crossing, projected, fill->contents->first_slab == 0, left);
 }
 
-/* Splats particles that reach beyond the list's tile: 0: all, 1: right, 2: down, 3: both. */
+/* Splats a list's particles. `beyond`: 0: all, 1: if they reach right, 2: down, 3: both. */
 static void spsi_tile_splat_list(spsi_tile_fill *fill, int list, int beyond) {
     const spsi_lists *lists = &fill->target->particles;
     const int first = lists->starts[list], end = lists->starts[list + 1], ahead = 8;
@@ -13012,8 +13010,8 @@ static void spsi_tile_splat_wide(spsi_tile_fill *fill) {
     }
 }
 
-/* Splats bricks, then particles: the tile's list, its left and upper neighbours', and the wide ones. Returns 0, with
-   sheets not cleared, if there are none. */
+/* Splats bricks, then particles: the tile's list, its left and upper neighbours', and the wide ones. Returns 0,
+   with sheets uncleared, if there are none. */
 static int spsi_tile_splat(const spsi_target *target, const spsi_contents *contents, int column, int row,
                            spsi_tile *tile) {
     spsi_tile_fill fill = {target, contents, tile, column, row, 0, 0, 0};
@@ -13038,17 +13036,17 @@ static void spsi_tile_count(const spsi_target *target, const spsi_tile *tile, in
 }
 
 /* ========================================================================================== >>lightsheets
-   23 Optical depth of a light's sheets. Gas is stored as such, per unit of t. A transfer function is not linear:
-   classified slabs have SPSI_SUBSLABS parts, means of a parabola through three slabs. */
+   23 Optical depth of a light's sheets. Gas is stored as extinction integrated over t. Transfer functions,
+   not being linear, are applied to SPSI_SUBSLABS subslabs' means of a parabola through three slabs. */
 
-#define SPSI_SUBSLABS 4 /* parts of a slab, if classified or shaded by polygons */
+#define SPSI_SUBSLABS 4 /* per slab, if classified or shaded by polygons */
 
 /* value + slope x + bend x^2, x from -1/2 to 1/2 in a slab. */
 typedef struct spsi_parabola {
     spsi_v value, slope, bend;
 } spsi_parabola;
 
-/* Parabola through three slabs' means or, if not `means`, middle values. */
+/* Parabola through three slabs' means or, without `means`, middle values. */
 static inline spsi_parabola spsi_parabola_through(spsi_v before, spsi_v here, spsi_v after, int means) {
     spsi_parabola p;
     p.slope = spsi_mul(spsi_set(0.5f), spsi_sub(after, before));
@@ -13061,8 +13059,8 @@ static int spsi_target_has_means(const spsi_target *target, int medium) {
     return !spsi_gathers(target->verdicts[medium]) || !target->samplers[medium].lone;
 }
 
-/* Parabola of a classified volume through three slabs. It is 0 if all three samples are invisible, since untaken
-   samples would make it overshoot. Returns 0 if nothing is visible. */
+/* Parabola of a classified volume through three slabs. It is 0 where all three samples are invisible, since
+   skipped samples would make it overshoot. Returns 0 if nothing is visible. */
 static inline int spsi_values_through(const spsi_material *material, const spsi_v values[3], int means,
                                       spsi_parabola *p) {
     const spsi_v zero = spsi_set(0), most = spsi_max(values[1], spsi_max(values[0], values[2]));
@@ -13075,12 +13073,12 @@ static inline int spsi_values_through(const spsi_material *material, const spsi_
     return spsi_bits(shown) != 0;
 }
 
-/* Part of a slab: middle x, and mean of squares x^2 + w^2 / 12 over width w. */
+/* A subslab's middle x, and mean square x^2 + w^2 / 12 over its width w. */
 typedef struct spsi_portion {
     spsi_v middle, square;
 } spsi_portion;
 
-/* Part of the interval between fractions `first` and `last` of a slab. */
+/* Subslab of the interval between fractions `first` and `last` of a slab. */
 static inline spsi_portion spsi_portion_of(spsi_v first, spsi_v last, int part) {
     const spsi_v width = spsi_mul(spsi_sub(last, first), spsi_set(1.0f / SPSI_SUBSLABS));
     spsi_portion s;
@@ -13098,7 +13096,7 @@ typedef struct spsi_light_shader {
     const spsi_rays *rays;
     spsi_linear slab;
     int material_of_channel[SPSI_VOLUMES_MAX + 1]; /* -1: gases, stored as optical depth */
-    int has_means[SPSI_VOLUMES_MAX + 1];           /* classified volumes, by channel */
+    int has_means[SPSI_VOLUMES_MAX + 1];           /* per classified channel */
 } spsi_light_shader;
 
 SPSI_COLD void spsi_light_shader_build(const spsi_target *target, spsi_light_shader *shader) {
@@ -13163,18 +13161,18 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
 }
 
 /* =============================================================================================== >>tmaps
-   24 Transmittance maps: a light's texels, their filling and lookup. Each of up to six faces is a grid of rays; u runs
-   from 0 at near_depth to 1 at far_depth along t. Cube faces have common rays at their edges, and t is the largest
-   coordinate from the light, so nothing jumps between them. Opaque surfaces are a separate depth per texel, since they
-   would spoil any technique's fit.
-   Maps are filled by rows of tiles (bands). A tile is one task that visits volumes, particles and triangles in order,
-   so that results are identical for any number of workers. Vectors of intervals are added to sums or, for lists,
+   24 Filling and lookup of transmittance maps. Each of up to six faces is a grid of rays; u runs from 0 at near_depth
+   to 1 at far_depth along t. Cube faces share rays at their edges, and t is the largest coordinate from the light, so
+   nothing jumps between faces. Opaque surfaces are a separate depth per texel, since they would spoil any technique's
+   fit.
+   Maps are filled in rows of tiles (bands). A tile is one task that visits volumes, particles and triangles in order,
+   so results are identical for any number of workers. Vectors of intervals are added to sums or, for lists,
    counted, sorted and fitted. Volumes are splatted into slabs perpendicular to the light's axis: once for plain sums,
-   otherwise twice. A light's shadow table is an opacity map of packed 16-bit pairs of planes, cached while a
-   fingerprint of its input stays. A light's other maps are evaluated into a table, texel by texel. Cost: occluders
-   times texels times components; 4 bytes per texel and component in a band of 64 rows, or 16 per interval. */
+   otherwise twice. A light's shadow table is an opacity map of packed 16-bit pairs of planes, cached until its
+   input's fingerprint changes. Maps of other techniques are evaluated into a table, texel by texel. Cost: occluders
+   times texels times components. Memory: 4 bytes per texel and component in a band of 64 rows, or 16 per interval. */
 
-#define SPSI_NO_SURFACE 1e30f /* u where there is none, far behind far_depth */
+#define SPSI_NO_SURFACE 1e30f /* u without a surface, far behind far_depth */
 
 typedef struct spsi_added {
     spsi_buffer lists[3]; /* volumes, meshes, and sets of particles */
@@ -13184,16 +13182,16 @@ typedef struct spsi_added {
 typedef struct spsi_tmap_data {
     spsi_buffer texels;   /* components, intervals or nodes */
     spsi_buffer starts;   /* lists: each texel's first item, and the end */
-    spsi_buffer surfaces; /* u of the first opaque surface; no data: none */
+    spsi_buffer surfaces; /* u of the nearest opaque surface; no data: none */
 } spsi_tmap_data;
 
-/* A light's shadow table: optical depth at even planes, as packed pairs of neighbours. */
+/* A light's shadow table: optical depth at evenly spaced planes, packed in adjacent pairs. */
 typedef struct spsi_shadow_table {
     int light;          /* its light's index */
     int is_made;        /* 1: complete */
     int waits;          /* 1: made for the cells; a sweep will take it */
     int planes;
-    float end;          /* optical depth where it ends */
+    float end;          /* maximum optical depth */
     spsi_light_grid grid;
     uint64_t key, gas;  /* fingerprints of its input, and of the gas alone; 0: not cached */
     spsi_buffer pairs;
@@ -13203,7 +13201,7 @@ struct sps_tmap {
     sps_context *context;
     const spsi_technique *technique;
     sps_tmap_settings settings; /* with defaults filled in */
-    sps_tmap_settings inner;    /* without the texel's range */
+    sps_tmap_settings inner;    /* components exclude the texel's range */
     sps_view view;
     double matrix[16]; /* world_to_clip */
     int has_range;     /* 1: a texel begins with the u of its first and last occluder */
@@ -13242,16 +13240,16 @@ static void spsi_tmap_within(const sps_tmap *map, const spsi_texel *texel, int c
 
 #define SPSI_SHADOW_TABLE_PLANES_MOST 1024
 
-/* 1: a light's map with the planes of its table. */
+/* True for a light's map with the same planes as its table. */
 static int spsi_tmap_is_table(const sps_tmap *map) {
     const int is_even = map->settings.technique == SPS_TMAP_TABLE || spsi_settings_are_even(&map->settings);
     return map->table && is_even && map->settings.components == map->table->planes;
 }
 
-/* Optical depths of gas in a texel, before rising u. */
+/* Optical depths of a texel's gas in front of rising u. */
 static void spsi_tmap_depths(const sps_tmap *map, const spsi_texel *texel, int count, const float *u, float *depths) {
     float within[SPSI_SHADOW_TABLE_PLANES_MOST];
-    int first = 0;                       /* before it, u lies before the range */
+    int first = 0;                       /* first u inside the range */
     if (!map->technique->depths) return; /* surfaces alone */
     spsi_tmap_within(map, texel, count, u, within);
     for (; first < count && within[first] < 0; ++first) depths[first] = 0;
@@ -13277,7 +13275,7 @@ static size_t spsi_quad_texel(const sps_tmap *map, const spsi_tmap_quad *quad, i
     return (size_t)quad->row[i >> 1] * (size_t)map->grid.rays[0].width + (size_t)quad->column[i & 1];
 }
 
-/* Returns 0 outside of the map, before near_depth, and for non-finite points. */
+/* Returns 0 outside the map, before near_depth, and for non-finite points. */
 static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_tmap_quad *quad) {
     const spsi_light_grid *grid = &map->grid;
     const int width = grid->rays[0].width, height = grid->rays[0].height;
@@ -13305,7 +13303,7 @@ static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_tma
     return 1;
 }
 
-/* Bilinear weight of texels without a surface before the point. */
+/* Bilinear weight of texels without a nearer surface. */
 static double spsi_tmap_lit(const sps_tmap *map, const spsi_tmap_quad *quad) {
     const double bias = (map->bias[0] + map->bias[1] * quad->t) * map->grid.per_depth;
     const double u = (quad->t - map->grid.near_depth) * map->grid.per_depth; /* may exceed 1 */
@@ -13319,7 +13317,7 @@ static double spsi_tmap_lit(const sps_tmap *map, const spsi_tmap_quad *quad) {
     return lit < sum ? lit / sum : 1;
 }
 
-/* Optical depth of gas and transmittance of surfaces at a world point, located in double precision. */
+/* Optical depth of gas at a world point, located in double precision. `lit`: transmittance of surfaces. */
 static double spsi_tmap_at(const sps_tmap *map, const double point[3], double *lit) {
     spsi_tmap_quad quad;
     double sum = 0;
@@ -13335,17 +13333,17 @@ static double spsi_tmap_at(const sps_tmap *map, const double point[3], double *l
     return spsi_dmin(sum, (double)SPSI_DEPTH_MAX);
 }
 
-/* Texels around a vector of points; weights are 0 outside of the map. */
+/* Texels around a vector of points; weights are 0 outside the map. */
 typedef struct spsi_tmap_quads {
     spsi_v column[2], row[2], weight[4], u;
 } spsi_tmap_quads;
 
-#define SPSI_SHADOW_TABLE_SIDE        4 /* side of a block: its planes are 64 bytes, fetched together */
+#define SPSI_SHADOW_TABLE_SIDE        4 /* texels per side of a block, whose planes are one cache line */
 #define SPSI_SHADOW_TABLE_TEXELS      (SPSI_SHADOW_TABLE_SIDE * SPSI_SHADOW_TABLE_SIDE)
-#define SPSI_SHADOW_TABLE_MOST        65535.0f   /* stands for table_end */
-#define SPSI_SHADOW_TABLE_BLOCKS_MOST 16777216.0 /* planes of blocks: 1 GB */
+#define SPSI_SHADOW_TABLE_MOST        65535.0f   /* represents the table's `end` */
+#define SPSI_SHADOW_TABLE_BLOCKS_MOST 16777216.0 /* blocks times planes: 1 GB */
 
-/* Blocks along a row; all blocks. */
+/* Blocks per row. */
 static int spsi_shadow_table_columns(const spsi_light_grid *grid) {
     return (grid->rays[0].width + SPSI_SHADOW_TABLE_SIDE - 1) / SPSI_SHADOW_TABLE_SIDE;
 }
@@ -13355,8 +13353,8 @@ SPSI_COLD double spsi_shadow_table_blocks(const spsi_light_grid *grid) {
     return (double)spsi_shadow_table_columns(grid) * rows;
 }
 
-/* Optical depth before u in a table. Plane k lies at u = (k + 1) / n; plane -1 is 0. Item k packs planes k - 1 and k.
-   Blocks store texels row by row. */
+/* Optical depth in front of u. Plane k lies at u = (k + 1) / n; plane -1 is 0. Entry k packs planes k - 1 and k. Blocks
+   store texels row by row. */
 static inline spsi_v spsi_shadow_table_at(const spsi_shadow_table *table, spsi_v column, spsi_v row, spsi_v u) {
     const spsi_v planes = spsi_set((float)table->planes), at = spsi_mul(u, planes);
     const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1)));
@@ -13375,7 +13373,7 @@ static spsi_v spsi_light_grid_project_to_cube(const spsi_light_grid *grid, const
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), last = spsi_set((float)grid->rays[0].width - 1);
     const spsi_v x = spsi_abs(offset[0]), y = spsi_abs(offset[1]), z = spsi_abs(offset[2]);
     const spsi_m is_y = spsi_less(x, y), is_z = spsi_less(spsi_max(x, y), z);
-    spsi_v axes[3], per_distance, face; /* face's axis and the two after it */
+    spsi_v axes[3], per_distance, face; /* axes: the face's and the next two */
     for (int i = 0; i < 3; ++i)
         axes[i] = spsi_select(is_z, offset[(i + 2) % 3], spsi_select(is_y, offset[(i + 1) % 3], offset[i]));
     per_distance = spsi_div(half, spsi_max(spsi_abs(axes[0]), spsi_set(FLT_MIN * 16)));
@@ -13385,8 +13383,8 @@ static spsi_v spsi_light_grid_project_to_cube(const spsi_light_grid *grid, const
     return spsi_add(face, spsi_select(spsi_less(axes[0], zero), spsi_set(1), zero));
 }
 
-/* Finds the texels around points: world offsets from a light with six faces, else undivided ray coordinates, t relative
-   to near_depth. Floats suffice within an image. */
+/* Finds the texels around points. `q`: world offsets from a light with six faces, else undivided ray coordinates, t
+   relative to near_depth. Floats suffice within an image. */
 static void spsi_quads_build(const spsi_light_grid *grid, const spsi_v q[3], spsi_tmap_quads *quads) {
     const float size[2] = {(float)grid->rays[0].width, (float)grid->rays[0].height};
     const spsi_v zero = spsi_set(0), one = spsi_set(1), per_depth = spsi_set((float)grid->per_depth);
@@ -13415,7 +13413,7 @@ static void spsi_quads_build(const spsi_light_grid *grid, const spsi_v q[3], sps
     quads->u = spsi_clamp(spsi_mul(seen[2], per_depth), zero, one);
 }
 
-/* Optical depth of gas at points, as for spsi_quads_build. All four texels are evaluated at the point's u. */
+/* Optical depth of gas at points `q`, see spsi_quads_build. All four texels are evaluated at the point's u. */
 static spsi_v spsi_shadow_table_lookup(const spsi_shadow_table *table, const spsi_v q[3]) {
     spsi_v sum = spsi_set(0);
     spsi_tmap_quads quads;
@@ -13427,12 +13425,12 @@ static spsi_v spsi_shadow_table_lookup(const spsi_shadow_table *table, const sps
     return spsi_min(sum, spsi_set(SPSI_DEPTH_MAX));
 }
 
-/* Optical depth with surfaces of transmittance `lit`. */
+/* Optical depth including surfaces of transmittance `lit`. */
 static double spsi_optical_depth_with_surfaces(double depth, double lit) {
     return lit > 0 ? spsi_dmin(depth - log(lit), (double)SPSI_DEPTH_MAX) : (double)SPSI_DEPTH_MAX;
 }
 
-/* Guaranteed bounds at a world point, surfaces included. */
+/* Guaranteed bounds on optical depth at a world point, including surfaces. */
 static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], double bracket[2]) {
     spsi_tmap_quad quad;
     bracket[0] = bracket[1] = 0;
@@ -13461,8 +13459,8 @@ typedef struct spsi_map_volumes {
 typedef struct spsi_occluders {
     const spsi_frame *frame;
     spsi_faces faces;
-    const spsi_sphere *spheres;                 /* current face */
-    const uint32_t *tile_starts, *tile_spheres; /* per tile, and the end; tile_spheres NULL: all */
+    const spsi_sphere *spheres;                 /* current face's */
+    const uint32_t *tile_starts, *tile_spheres; /* CSR lists per tile; tile_spheres NULL: all */
     int *boxes;                                 /* triangles' bounds, in texels */
     spsi_map_volumes *volumes;                  /* NULL: none */
     int coarse;                                 /* 1: texels may be wider than classified voxels */
@@ -13471,12 +13469,12 @@ typedef struct spsi_occluders {
 
 typedef struct spsi_band {
     int face, row, tiles_x;
-    size_t first_texel;   /* first in the map */
-    float *ranges, *sums; /* tile after tile */
-    uint32_t *starts;     /* per texel, and the end: first interval */
-    uint32_t *cursors;    /* per texel: number of intervals, or the next one's place */
+    size_t first_texel;   /* index in the map */
+    float *ranges, *sums; /* tile by tile */
+    uint32_t *starts;     /* each texel's first interval, and the end */
+    uint32_t *cursors;    /* per texel: number of intervals, or the next one's index */
     spsi_interval *intervals;
-    uint32_t most; /* most intervals of a texel */
+    uint32_t most; /* maximum intervals per texel */
 } spsi_band;
 
 typedef struct spsi_filling {
@@ -13485,18 +13483,18 @@ typedef struct spsi_filling {
     const spsi_occluders *occluders;
     spsi_band band;
     spsi_visit visit;
-    int pieces;     /* between two ends of intervals: 1 without soft particles */
-    float error;    /* compressed map: tolerance of soft pieces */
-    float epsilon;  /* compressed map: tolerance without soft pieces */
+    int pieces;     /* per span between interval ends: 1 without soft particles */
+    float error;    /* compressed map: tolerance for soft pieces */
+    float epsilon;  /* compressed map: tolerance left for compression */
     int has_sizes;  /* 1: item counts are known; nodes replace intervals where they fit */
     float *scratch; /* per worker: intervals to sort, curve, nodes */
     size_t scratch_floats;
     double slab_u, u_per_slab; /* u of the plane before slab k: slab_u + k u_per_slab */
-    double light_u;            /* the light's position, or -infinity */
+    double light_u;            /* the light's u, or -infinity */
     double progress;
 } spsi_filling;
 
-/* A tile's texels. Sums are planes of width x height floats, plus a vector that stores may overrun. */
+/* A tile's texels. Sums are planes of width x height floats, plus a vector for stores that overrun. */
 typedef struct spsi_map_tile {
     const spsi_filling *filling;
     int x0, y0, width, height;
@@ -13540,11 +13538,11 @@ static void spsi_insert_range(const spsi_map_tile *into, size_t at, const spsi_i
     spsi_store(into->ranges + into->stride + at, spsi_select(some, spsi_max(last, u1), last));
 }
 
-/* Limits of intervals beyond 0..1: in u, so that lengths stay finite; relative to a range, which may be tiny. */
+/* Limits on interval ends beyond 0..1: in u, to keep lengths finite; relative to a range, which may be tiny. */
 #define SPSI_INTERVAL_REACH 1e30
 #define SPSI_RANGE_REACH    1e6f
 
-/* Makes u relative to the texel's range; ends outside stay outside. */
+/* Makes u relative to the texels' ranges; ends outside stay outside. */
 static void spsi_intervals_within(const spsi_map_tile *into, size_t at, spsi_intervals *intervals) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), first = spsi_load(into->ranges + at);
     const spsi_v length = spsi_sub(spsi_load(into->ranges + into->stride + at), first);
@@ -13597,7 +13595,7 @@ static void spsi_insert_one(const spsi_map_tile *into, int x, int y, const spsi_
     if (interval->depth > 0) spsi_insert(into, x, y, &one);
 }
 
-/* Inserts part of a soft interval as points, three per sixth of a wave; error 1e-6 for moments and Fourier series. */
+/* Inserts part of a soft interval as points, three per sixth of a wave. Moments and Fourier series err by 1e-6. */
 static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const spsi_interval *interval, double from,
                                double to) {
     const sps_tmap *map = into->filling->map;
@@ -13613,7 +13611,7 @@ static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const sp
     }
 }
 
-/* Inserts a clipped interval in parts: beyond 0 or 1, it counts there. */
+/* Inserts an interval clipped to 0..1; parts beyond count at the ends. */
 static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const spsi_interval *interval) {
     const float from = spsi_fmax(spsi_fmin(interval->u0, 1), 0), to = spsi_fmax(spsi_fmin(interval->u1, 1), 0);
     const float before = spsi_interval_fraction(interval, from), until = spsi_interval_fraction(interval, to);
@@ -13645,7 +13643,7 @@ static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, c
         spsi_insert_one(into, x, y, &rest);
 }
 
-/* Inserts chords: singly if they contain the light or need parts, the rest together. */
+/* Inserts a vector of chords. Chords that contain the light or need parts go singly. */
 static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sphere, int x, int y, int last) {
     const spsi_filling *filling = into->filling;
     const int parts = filling->map->technique->points;
@@ -13672,7 +13670,7 @@ static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sph
         lanes[2][i] = 0;
     }
     intervals.depth = spsi_load(lanes[2]);
-    intervals.u0 = spsi_clamp(intervals.u0, low, one); /* none begins behind 1, where lists end */
+    intervals.u0 = spsi_clamp(intervals.u0, low, one); /* lists end at 1: none begins behind it */
     intervals.u1 = spsi_clamp(intervals.u1, zero, high);
     spsi_insert(into, x, y, &intervals);
 }
@@ -13696,7 +13694,7 @@ static uint32_t spsi_tile_sphere(const spsi_occluders *occluders, int tile, uint
 
 /* --- triangles --- */
 
-/* Inserts a sheet without thickness or, if opaque, the texels' nearest surface. */
+/* Inserts an infinitely thin sheet or, if opaque, texels' nearest surface. */
 static void spsi_insert_triangle(const spsi_map_tile *into, int number) {
     const spsi_filling *filling = into->filling;
     const sps_tmap *map = filling->map;
@@ -13712,7 +13710,7 @@ static void spsi_insert_triangle(const spsi_map_tile *into, int number) {
             double w[3], t, u;
             if (!spsi_face_hit(&edges, x, y, w)) continue;
             t = w[0] * edges.depth[0] + w[1] * edges.depth[1] + w[2] * edges.depth[2];
-            u = t * map->grid.per_depth; /* may lie outside of 0..1 */
+            u = t * map->grid.per_depth; /* may lie outside 0..1 */
             if (!opaque) {
                 const float at = (float)spsi_dmin(spsi_dmax(u, 0), 1);
                 const spsi_interval sheet = {at, at, depth, 0};
@@ -13807,7 +13805,7 @@ SPSI_COLD sps_result spsi_fill_volumes(spsi_filling *filling) {
 
 /* --- a band of sums --- */
 
-/* Packs a texel's planes. depths[k * stride] is before plane k or, for sums, from plane k - 1 to k. */
+/* Packs a texel's planes. depths[k * stride] reaches plane k from the light or, for sums, from plane k - 1. */
 static void spsi_shadow_table_store(const spsi_shadow_table *table, size_t texel, const float *depths, size_t stride,
                                     int are_sums) {
     const int planes = table->planes, side = SPSI_SHADOW_TABLE_SIDE, width = table->grid.rays[0].width;
@@ -13826,10 +13824,10 @@ static void spsi_shadow_table_store(const spsi_shadow_table *table, size_t texel
     }
 }
 
-/* Evaluates a texel of a light's map at the planes of its table. */
+/* Evaluates a map's texel at its table's planes. */
 static void spsi_shadow_table_evaluate(const sps_tmap *map, size_t index, const spsi_texel *texel) {
     const int planes = map->table->planes;
-    float u[SPSI_SHADOW_TABLE_PLANES_MOST], depths[SPSI_SHADOW_TABLE_PLANES_MOST], whole = 1; /* u, then depth */
+    float u[SPSI_SHADOW_TABLE_PLANES_MOST], depths[SPSI_SHADOW_TABLE_PLANES_MOST], whole = 1; /* whole: u, then depth */
     memset(depths, 0, (size_t)planes * sizeof *depths);
     spsi_tmap_depths(map, texel, 1, &whole, &whole);
     for (int k = 0; k < planes; ++k) u[k] = (float)(k + 1) / (float)planes;
@@ -13913,7 +13911,7 @@ typedef struct spsi_fitting {
     spsi_node *curve, *nodes;
 } spsi_fitting;
 
-/* Lays out or counts a worker's memory. Deep maps only sort. */
+/* Lays out a worker's memory (NULL: only counts). Deep maps only sort. */
 static size_t spsi_fitting_lay_out(const spsi_filling *filling, float *memory, spsi_fitting *fitting) {
     const int sorts_only = filling->map->settings.technique == SPS_TMAP_DEEP;
     const uint64_t most = filling->band.most, pieces = (uint64_t)filling->pieces;
@@ -13941,7 +13939,7 @@ static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_inte
     return (uint32_t)nodes;
 }
 
-/* Sorts and fits a list; `cursors` receives the number of items. Tables take them at once. */
+/* Sorts and fits a list; `cursors` receives the number of items. Tables are evaluated at once. */
 static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
     const size_t in_band = texel - filling->band.first_texel;
@@ -13959,7 +13957,7 @@ static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     if (filling->map->table) spsi_shadow_table_evaluate(filling->map, texel, &items);
 }
 
-/* Moves items to their final place; fits again if they did not fit into the list. */
+/* Copies items to their final place; fits again if the list lacked room. */
 static void spsi_fit_place_items(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
     const size_t in_band = texel - filling->band.first_texel, item = filling->map->technique->lists;
@@ -13973,7 +13971,7 @@ static void spsi_fit_place_items(const spsi_fitting *fitting, size_t texel) {
            bytes);
 }
 
-/* A whole tile could take too long. */
+/* Fits a row of a tile, to keep tasks short. */
 static void spsi_fit_task(void *data, int index, int worker) {
     const spsi_filling *filling = (const spsi_filling *)data;
     spsi_fitting fitting;
@@ -13990,7 +13988,7 @@ static void spsi_fit_task(void *data, int index, int worker) {
     }
 }
 
-/* Fails if a map of a light (-1: none) exceeds a budget (0: none). */
+/* Fails if a map exceeds a budget (0: none). `light`: index or -1. */
 SPSI_COLD sps_result spsi_check_map_budget(sps_context *context, int light, size_t budget, double bytes) {
     const spsi_subject at = spsi_settings_of(context, light);
     char rule[96];
@@ -14046,7 +14044,7 @@ SPSI_COLD sps_result spsi_fill_fits(spsi_filling *filling) {
 
 typedef struct spsi_sphere_job {
     const spsi_rays *rays;
-    const spsi_rays *faces; /* all cube faces: a particle's mass is equal on each; NULL: one face */
+    const spsi_rays *faces; /* all cube faces, for equal particle mass on each; NULL: one face */
     const spsi_frame *frame;
     spsi_sphere *spheres;
 } spsi_sphere_job;
@@ -14071,7 +14069,7 @@ static int spsi_sphere_step(const sps_tmap *map, const spsi_sphere *sphere) {
     return (int)(spsi_dmin(spsi_dmax(front, 0), 1) * (SPSI_DEPTH_STEPS - 1));
 }
 
-/* Numbers of spheres, roughly front to back, so that texels' lists are nearly sorted. */
+/* Sorts spheres' indices roughly front to back, so that texels' lists are nearly sorted. */
 SPSI_COLD void spsi_spheres_order(const sps_tmap *map, const spsi_sphere *spheres, size_t count, uint32_t *order) {
     uint32_t starts[SPSI_DEPTH_STEPS + 1] = {0};
     for (size_t i = 0; i < count; ++i) starts[spsi_sphere_step(map, &spheres[i]) + 1] += 1;
@@ -14079,7 +14077,7 @@ SPSI_COLD void spsi_spheres_order(const sps_tmap *map, const spsi_sphere *sphere
     for (size_t i = 0; i < count; ++i) order[starts[spsi_sphere_step(map, &spheres[i])]++] = (uint32_t)i;
 }
 
-/* Counts spheres per tile; with a list: stores them and advances `starts`. `order` NULL: by number. */
+/* Counts spheres per tile; with `list`, stores them and advances `starts`. `order` NULL: index order. */
 SPSI_COLD void spsi_spheres_into_tiles(const spsi_sphere *spheres, const uint32_t *order, size_t count, int tiles_x,
                                        uint32_t *starts, uint32_t *list) {
     for (size_t n = 0; n < count; ++n) {
@@ -14095,7 +14093,7 @@ SPSI_COLD void spsi_spheres_into_tiles(const spsi_sphere *spheres, const uint32_
     }
 }
 
-/* Counts spheres beyond the depth range; on a cube, on the centre's face only. */
+/* Counts spheres beyond the depth range; on a cube, only on their centre's face. */
 SPSI_COLD void spsi_spheres_outside(sps_tmap *map, const spsi_rays *rays, const spsi_sphere *spheres, size_t count) {
     const double per_length = rays->per_length;
     const double light = rays->perspective ? -map->grid.near_depth * map->grid.per_depth : -HUGE_VAL;
@@ -14137,7 +14135,7 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     if (!list) return context->result;
     if (ordered > 0) spsi_spheres_order(map, job.spheres, count, list + sum);
     spsi_spheres_into_tiles(job.spheres, ordered > 0 ? list + sum : NULL, count, tiles_x, starts, list);
-    memmove(starts + 1, starts, tiles * sizeof *starts); /* each was advanced to the next */
+    memmove(starts + 1, starts, tiles * sizeof *starts); /* each start was advanced to the next */
     starts[0] = 0;
     occluders->tile_starts = starts;
     occluders->tile_spheres = list;
@@ -14146,7 +14144,7 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
 
 /* --- a face of a map, and its slabs --- */
 
-/* Slabs perpendicular to a face's axis, without particles. */
+/* Places slabs perpendicular to a face's axis, for voxels only. */
 SPSI_COLD sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                      spsi_slabs *slabs) {
     const spsi_bounds own = frame->content->bounds;
@@ -14196,7 +14194,7 @@ static uint64_t spsi_set_fingerprint(uint64_t hash, const spsi_particle_set *set
     return spsi_fingerprint(hash, &set->given.is_extinction, sizeof set->given.is_extinction);
 }
 
-/* Hash of a map's gas; 0 if it may change. */
+/* Hash of a map's gas; 0 if a volume has no revision. */
 static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_volumes_fingerprint(frame);
     for (int i = 0; i < frame->medium_count && hash; ++i)
@@ -14212,7 +14210,7 @@ static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
     return hash;
 }
 
-/* Hash of a table's input; 0 if the gas has none. */
+/* Hash of a table's input; 0 if the gas has no hash. */
 SPSI_COLD uint64_t spsi_shadow_table_key(const spsi_frame *frame, const spsi_shadow_table *table, uint64_t gas) {
     const double knobs[] = {frame->view.slab_thickness, frame->accuracy.cut, (double)frame->view.filling};
     const double range[] = {table->grid.near_depth, table->grid.far_depth, (double)table->end};
@@ -14228,7 +14226,7 @@ SPSI_COLD uint64_t spsi_shadow_table_key(const spsi_frame *frame, const spsi_sha
     return gas ? hash | 1 : 0;
 }
 
-/* `held`: 1 if it was cached. */
+/* `held`: 1 if the table was cached. */
 SPSI_COLD void spsi_shadow_table_count(sps_context *context, const spsi_shadow_table *table, int held) {
     const spsi_rays *rays = &table->grid.rays[0];
     const uint64_t columns = (uint64_t)(rays->width + SPSI_PATCH - 1) / SPSI_PATCH;
@@ -14365,7 +14363,7 @@ SPSI_COLD sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light 
     return spsi_check_tmap_camera(&at, light);
 }
 
-/* Sets the components: by default, the most within the budget. */
+/* Sets the number of components; the default shrinks to fit the budget. */
 SPSI_COLD sps_result spsi_tmap_resolve(sps_tmap *map) {
     const spsi_technique *technique = map->technique;
     sps_tmap_settings *settings = &map->settings;
@@ -14415,7 +14413,7 @@ SPSI_COLD sps_result spsi_tmap_aim(sps_tmap *map) {
     return SPS_OK;
 }
 
-/* The map is zero except for its context. */
+/* `map` must be zero except for its context. */
 SPSI_COLD sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, const sps_tmap_settings *settings) {
     map->settings = spsi_settings_resolve(settings, 0);
     map->technique = &spsi_techniques[map->settings.technique];
@@ -14515,7 +14513,7 @@ SPSI_COLD void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *fra
     context->config.message_fn(context->config.message_user, text);
 }
 
-/* Reports a light inside the gas, whose single face misses the rest. */
+/* Reports a light inside gas that its single face cannot cover. */
 SPSI_COLD void spsi_tmap_tell_amid(const sps_tmap *map, const spsi_frame *frame) {
     const sps_config *config = &map->context->config;
     const spsi_rays *rays = &map->grid.rays[0];
@@ -14531,7 +14529,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
     spsi_frame *frame = spsi_tmap_frame(map);
     memset(&occluders, 0, sizeof occluders);
     if (!frame) return context->result;
-    /* last, since slabs are cut from the voxels' bounds alone */
+    /* voxels after particles: slabs are cut from voxels' bounds alone */
     if (spsi_gather_particles(context, frame) || spsi_gather(context, frame) || spsi_pyramids_place(context, frame) ||
         spsi_gather_faces(context, frame, &occluders.faces))
         return context->result;
@@ -14546,10 +14544,10 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
 
 /* --- a light's shadow table --- */
 
-#define SPSI_SHADOW_TABLE_PER_COMPONENT 16 /* planes at most, where a texel has no list */
+#define SPSI_SHADOW_TABLE_PER_COMPONENT 16 /* maximum planes per component, without lists */
 
-/* Planes of a light's table for gas so many texels deep. Even planes joined by lines become the table's. Other maps
-   resolve more than tables' slabs, up to what their components can express. */
+/* Planes of a light's table for gas `texels` deep. Evenly spaced, linear planes become the table's. Other techniques
+   resolve finer detail, as far as their components allow. */
 SPSI_COLD double spsi_shadow_table_planes(const sps_tmap_settings *map, double texels) {
     const spsi_technique *table = &spsi_techniques[SPS_TMAP_TABLE];
     const double own = spsi_components_of(map);
@@ -14560,7 +14558,7 @@ SPSI_COLD double spsi_shadow_table_planes(const sps_tmap_settings *map, double t
     return spsi_dmax(spsi_dmin(ceil(1.5 * texels), most), table->least);
 }
 
-/* Sets the planes, within limits of memory unless the caller has set them. */
+/* Sets the number of planes, within memory limits unless the caller has set it. */
 SPSI_COLD sps_result spsi_shadow_table_resolve(sps_context *context, const sps_tmap_settings *map,
                                                spsi_shadow_table *table) {
     const spsi_light_grid *grid = &table->grid;
@@ -14572,7 +14570,7 @@ SPSI_COLD sps_result spsi_shadow_table_resolve(sps_context *context, const sps_t
     const double least = spsi_dmin(spsi_techniques[SPS_TMAP_TABLE].least, wanted);
     double planes = spsi_dmin(wanted, floor(SPSI_SHADOW_TABLE_BLOCKS_MOST / blocks));
     if (budget) planes = spsi_dmin(planes, floor(((double)budget - (double)sizeof *table) / plane_bytes));
-    planes = spsi_dmax(planes, spsi_dmin(least, floor(7 * SPSI_SHADOW_TABLE_BLOCKS_MOST / blocks))); /* in 31 bits */
+    planes = spsi_dmax(planes, spsi_dmin(least, floor(7 * SPSI_SHADOW_TABLE_BLOCKS_MOST / blocks))); /* 31-bit index */
     table->planes = map->technique == SPS_TMAP_TABLE && map->components > 0 ? map->components : (int)planes;
     return spsi_check_map_budget(context, table->light, budget, table->planes * plane_bytes + sizeof *table);
 }
@@ -14592,7 +14590,7 @@ static void spsi_shadow_tables_drop(sps_context *context, spsi_buffer_id id, int
     *count = 0;
 }
 
-/* Takes a cached table of equal input. */
+/* Takes a cached table with equal input. */
 SPSI_COLD void spsi_shadow_table_take(sps_context *context, spsi_shadow_table *table) {
     spsi_shadow_table *held = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     for (int i = 0; i < context->shadow_table_count && table->key && !table->is_made; ++i) {
@@ -14605,7 +14603,7 @@ SPSI_COLD void spsi_shadow_table_take(sps_context *context, spsi_shadow_table *t
     }
 }
 
-/* Starts from a cached table, if any. `gas`: its fingerprint. Maps of other techniques are not cached. */
+/* Begins a table, cached if possible. `gas`: the gas's fingerprint. Maps of other techniques are not cached. */
 SPSI_COLD sps_result spsi_shadow_table_begin(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                              uint64_t gas, spsi_shadow_table *table) {
     const spsi_subject at = spsi_settings_of(context, light->index);
@@ -14620,7 +14618,7 @@ SPSI_COLD sps_result spsi_shadow_table_begin(sps_context *context, const spsi_fr
     return SPS_OK;
 }
 
-/* `occluders` is zero but for its frame and call stage. */
+/* `occluders` must be zero except for its frame and call stage. */
 SPSI_COLD sps_result spsi_shadow_table_fill(sps_context *context, const spsi_light *light, spsi_occluders *occluders,
                                             spsi_shadow_table *table) {
     sps_tmap map;
@@ -14634,15 +14632,15 @@ SPSI_COLD sps_result spsi_shadow_table_fill(sps_context *context, const spsi_lig
     map.table = table;
     map.technique = &spsi_techniques[light->map.technique];
     map.settings = light->map;
-    map.settings.byte_budget = 0; /* it is the table's */
+    map.settings.byte_budget = 0; /* it applies to the table */
     if (spsi_has_shadow_table(light)) map.settings.components = table->planes;
     return spsi_tmap_resolve(&map) ? context->result : spsi_tmap_fill(&map, occluders);
 }
 
 /* --- size of a light's map, before anything is read --- */
 
-/* Maximum texels: of all faces, and along a side. A light inside the boxes may be in front of the gas. Its single face
-   then spans 2 tan 78 degrees times a distance up to sqrt(3) times that along an axis. */
+/* Maximum texels of all faces; `side`: along a side. A light inside volumes' boxes may be in front of the gas. Its
+   single face then spans 2 tan 78 degrees times a distance of up to sqrt(3) times that along an axis. */
 SPSI_COLD size_t spsi_light_tmap_texels(const spsi_frame *frame, const spsi_light *light, size_t *side) {
     spsi_rays rays[SPSI_CUBE_FACES];
     const size_t most = (size_t)(light->map_size > 0 ? light->map_size : spsi_map_texels_most(frame, light));
@@ -14662,7 +14660,7 @@ SPSI_COLD size_t spsi_light_tmap_texels(const spsi_frame *frame, const spsi_ligh
     return *side * *side > six ? *side * *side : six;
 }
 
-/* Upper bound of a table's planes. Texels are known unless the caller sets their number. */
+/* Upper bound on a table's planes. Texel size is known unless the caller sets the resolution. */
 SPSI_COLD size_t spsi_light_table_planes(const spsi_frame *frame, const spsi_light *light) {
     double across[3], texels = HUGE_VAL;
     if (spsi_has_shadow_table(light) && light->map.components > 0) return (size_t)light->map.components;
@@ -14671,7 +14669,7 @@ SPSI_COLD size_t spsi_light_table_planes(const spsi_frame *frame, const spsi_lig
     return (size_t)spsi_shadow_table_planes(&light->map, texels);
 }
 
-/* Bytes of a light's table, and of filling it, without lists and their fits, whose length is unknown. */
+/* Bytes of a light's table (`held`) and of filling it, without lists and fits, whose lengths are unknown. */
 static void spsi_table_bytes(const spsi_frame *frame, const spsi_light *light, const spsi_light_grid *grid,
                              size_t texels, size_t planes, size_t *held, size_t *filling) {
     const size_t tiles = (size_t)spsi_tile_columns(&grid->rays[0]) * (size_t)spsi_tile_rows(&grid->rays[0]);
@@ -14686,11 +14684,11 @@ static void spsi_table_bytes(const spsi_frame *frame, const spsi_light *light, c
     *filling += (tiles * (1 + SPSI_SPHERE_TILES) + 2) * sizeof(uint32_t);
 }
 
-/* Upper bound before gas is read. */
+/* Upper bounds before gas is read. */
 SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *light, size_t *held, size_t *filling) {
     size_t side;
     const size_t texels = spsi_light_tmap_texels(frame, light, &side);
-    const size_t blocks = SPSI_CUBE_FACES * SPSI_SHADOW_TABLE_SIDE * (side + 16); /* beyond two edges */
+    const size_t blocks = SPSI_CUBE_FACES * SPSI_SHADOW_TABLE_SIDE * (side + 16); /* padding at two edges */
     spsi_light_grid grid;
     grid.rays[0].width = grid.rays[0].height = (int)side;
     spsi_table_bytes(frame, light, &grid, texels + blocks, spsi_light_table_planes(frame, light), held, filling);
@@ -14698,18 +14696,17 @@ SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *
 
 /* ============================================================================================ >>penumbrae
    25 Penumbrae of media. An area light is K points. Media are splatted once, along the rays of its centre; each
-   point stores only optical depth, in texels of its own rays. That is never resampled: no blur accumulates, and
-   occluders in sequence are correct. Slabs are parallel. A point's texel u and the centre's x meet on a plane, L
-   being linear in u.
+   point stores only optical depth, in texels of its own rays. Depths are never resampled: no blur accumulates, and
+   successive occluders are correct. Slabs are parallel, so a point's texel u and the centre's x meet on a plane, with L
+   linear in u.
          x = (u + d L)/(1 + d_t L).
    d is the offset from centre to point in texels. For directional lights, L counts slabs, and d is the shift per
    slab. Planes store -log V.
          A_s(u) += sheet_k(x at k + 1/2),    V_k(x) = mean over s of exp(-A_s(u at k)).
-   Layers between planes store the fraction of V that polygons stop: -log averages lit and dark planes badly. Cost: 3
-   bicubic lookups and an exponential per point, slab and occupied texel, 6 where polygons stop some. Memory: 8 bytes
+   Layers between planes store the fraction of V that polygons stop: -log V averages lit and dark badly. Cost: 3
+   bicubic lookups and an exponential per point, slab and occupied texel, 6 where polygons stop light. Memory: 8 bytes
    per point and texel, 12 with polygons, and 256 per texel for layers. */
 
-/* A rectangle of texels. */
 typedef struct spsi_area {
     int x0, y0, x1, y1; /* inclusive */
 } spsi_area;
@@ -14735,25 +14732,25 @@ static int spsi_area_empty(spsi_area a) { return a.x0 > a.x1 || a.y0 > a.y1; }
 
 #define SPSI_BEAM_TILE (SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT)
 
-#define SPSI_SLIDE_LEAST 0.1 /* minimum of 1 + d_t L at media */
+#define SPSI_SLIDE_LEAST 0.1 /* minimum of 1 + d_t L in media */
 
-/* Maps texels on a plane between grids of rays, L = l . (1, x, y). */
+/* Maps texels between ray grids on a plane; L = l . (1, x, y). */
 typedef struct spsi_slide {
     float l[3], d[3];
     int even; /* 1: all texels move equally */
 } spsi_slide;
 
-/* Rays of one point, and their optical depth. */
+/* A light point's rays, and their optical depth. */
 typedef struct spsi_beam {
     spsi_rays rays;
-    int x0, y0;      /* the centre's texel at (0, 0), on the first plane if directional */
+    int x0, y0;      /* u of texel (0, 0): the centre's x, on the first plane if directional */
     double shift[3]; /* d */
     spsi_linear slab;
     float *depth;      /* optical depth so far, per texel */
     float *start;      /* optical depth at the chunk's first plane */
     float *stop;       /* slab coordinate of the first polygon; NULL: no polygons */
-    float first_stop;  /* least `stop` */
-    spsi_area stops;   /* texels with polygons, widened by the reach of cubics */
+    float first_stop;  /* minimum of `stop` */
+    spsi_area stops;   /* texels with polygons, widened by cubics' reach */
 } spsi_beam;
 
 typedef struct spsi_penumbra {
@@ -14763,17 +14760,17 @@ typedef struct spsi_penumbra {
     float end; /* optical depth of early termination */
     spsi_beam *beams;
     int beam_count;
-    int first_slab, plane; /* the sheets' chunk; the plane in work, counted from its first */
-    float *sheets;         /* mean extinction per slab, per texel */
+    int first_slab, plane; /* the sheets' chunk; current plane in it */
+    float *sheets;         /* mean extinction, per slab and texel */
     float *hidden;         /* fraction of transmitted light stopped by polygons, per layer; NULL: no polygons */
     float *const *planes;  /* results */
-    uint64_t *held;        /* per tile: occupied patches */
+    uint64_t *held;        /* per tile: patches with media */
     spsi_area *looked_up;  /* per tile: texels within reach of media */
-    float *scratch;        /* per worker: transmittance of a tile's texels; fraction stopped in a beam's */
+    float *scratch;        /* per worker: transmittance at a tile's texels; fraction stopped at a beam's */
     size_t scratch_floats;
 } spsi_penumbra;
 
-/* 0 outside the grid. */
+/* Bilinear lookup, 0 outside the grid. */
 static double spsi_bilinear_inside(const float *grid, int width, int height, double x, double y) {
     const float *quad, *next;
     double fx, fy, above;
@@ -14784,7 +14781,7 @@ static double spsi_bilinear_inside(const float *grid, int width, int height, dou
     return above + fy * ((double)next[0] + fx * ((double)next[1] - (double)next[0]) - above);
 }
 
-/* Between the second and third value. [Catmull & Rom 1974] */
+/* Interpolates between the second and third of four values. [Catmull & Rom 1974] */
 static inline void spsi_cubic_weights(spsi_v t, spsi_v weights[4]) {
     const spsi_v one = spsi_set(1), u = spsi_sub(one, t), tt = spsi_mul(t, t), uu = spsi_mul(u, u);
     weights[0] = spsi_mul(spsi_mul(spsi_set(-0.5f), t), uu);
@@ -14806,7 +14803,7 @@ static void spsi_slide_at(const spsi_slide *slide, double x, double y, double at
     at[1] = (y + (double)slide->d[1] * l) * per;
 }
 
-/* Sign 1: a beam's texels to the centre's at a slab coordinate; -1: back. */
+/* Sign 1 maps a beam's texels to the centre's at a slab coordinate, -1 back. */
 static void spsi_slide_build(const spsi_penumbra *penumbra, const spsi_beam *beam, double slab, int sign,
                              spsi_slide *slide) {
     const spsi_rays *rays = penumbra->rays;
@@ -14823,7 +14820,7 @@ static void spsi_slide_build(const spsi_penumbra *penumbra, const spsi_beam *bea
     slide->even = !rays->perspective;
 }
 
-/* Conservative, with a margin of two texels. */
+/* Conservative bounds, with a margin of two texels. */
 static spsi_area spsi_slide_area(const spsi_penumbra *penumbra, const spsi_beam *beam, double low, double high,
                                  int sign, spsi_area area) {
     spsi_area out = spsi_area_none();
@@ -14841,16 +14838,16 @@ static spsi_area spsi_slide_area(const spsi_penumbra *penumbra, const spsi_beam 
 
 /* --- rows of texels --- */
 
-/* Linear lookups would blur each sheet by up to a quarter of a squared texel, half as much again as its kernels. */
+/* Lookups are bicubic: linear ones would add up to a quarter squared texel to a sheet's variance, half its kernels'. */
 
-/* Texels that accumulate scaled lookups. */
+/* A row that accumulates scaled lookups. */
 typedef struct spsi_texel_row {
     int x0, y, count;
     const float *scale; /* per texel; NULL: 1 */
     float *out;         /* per texel */
 } spsi_texel_row;
 
-/* Uniform shift. */
+/* Adds uniformly shifted lookups. */
 static void spsi_row_add_even(const spsi_texel_grid *grid, const spsi_slide *slide, const spsi_texel_row *to) {
     const float move_x = slide->d[0] * slide->l[0], move_y = slide->d[1] * slide->l[0];
     const int row = to->y + (int)floorf(move_y) - grid->y0 - 1, column = to->x0 + (int)floorf(move_x) - grid->x0 - 1;
@@ -14891,8 +14888,8 @@ static spsi_v spsi_grid_gather(const spsi_texel_grid *grid, spsi_v u, spsi_v v, 
     return spsi_select(inside, sum, spsi_set(0));
 }
 
-/* Lanes nearly one texel apart load the same texels, shifted by lane. Only weights differ, reaching a quarter of a
-   texel beyond the stencil. */
+/* Lanes about one texel apart load consecutive texels together. Only weights differ, which may reach a quarter texel
+   beyond the stencil. */
 static spsi_v spsi_grid_lookup(const spsi_texel_grid *grid, spsi_v u, spsi_v v) {
     const spsi_v one = spsi_set(1), half = spsi_set(0.5f), at = spsi_sub(u, spsi_iota());
     const spsi_m inside = spsi_and(spsi_and(spsi_less(one, u), spsi_less(u, spsi_set((float)(grid->width - 2)))),
@@ -14943,8 +14940,8 @@ static void spsi_row_add(const spsi_texel_grid *grid, const spsi_slide *slide, c
     }
 }
 
-/* -ln x up to `end`, a power of 2. With z = x^(1/end) >= 1/e and t = (z-1)/(z+1), ln z = 2 (t + t^3/3 + ..). Up to
-   t^13, errors are 2e-5 at SPSI_LIGHT_END, 8e-5 at SPSI_FORWARD_END. Exactly 0 at 1. */
+/* -ln x up to `end`, a power of 2. With z = x^(1/end) >= 1/e and t = (z-1)/(z+1), ln z = 2 (t + t^3/3 + ..). Terms up
+   to t^13 err by 2e-5 at SPSI_LIGHT_END, 8e-5 at SPSI_FORWARD_END. Exactly 0 at 1. */
 static inline spsi_v spsi_minus_log(spsi_v x, float end) {
     const float least = end > SPSI_LIGHT_END ? 1.6038109e-28f : 1.1253517e-7f;
     spsi_v z = spsi_max(x, spsi_set(least)), t, square, sum = spsi_set(1.0f / 13);
@@ -14957,8 +14954,8 @@ static inline spsi_v spsi_minus_log(spsi_v x, float end) {
 
 /* --- setup --- */
 
-/* Rays have the centre's axes; directional ones match its texels where slabs begin. Returns 0 if media are beside or
-   behind the point, or too far away. */
+/* Aims rays along the centre's axes; directional ones match its texels where slabs begin. Returns 0 if media are
+   beside or behind the point, too wide or too far off-axis. */
 SPSI_COLD int spsi_beam_aim(const spsi_frame *frame, const spsi_sweep *sweep, const spsi_light *point,
                             spsi_beam *beam) {
     const spsi_rays *rays = &sweep->rays;
@@ -15004,7 +15001,7 @@ SPSI_COLD int spsi_beam_aim(const spsi_frame *frame, const spsi_sweep *sweep, co
     return 1;
 }
 
-/* Result: slab coordinates. `numbers`: scratch. */
+/* Rasterises polygons' slab coordinates. `numbers`: scratch. */
 static void spsi_beam_stop(sps_context *context, const spsi_faces *faces, spsi_beam *beam, int *numbers) {
     const int width = beam->rays.width, height = beam->rays.height;
     spsi_area at;
@@ -15160,7 +15157,7 @@ static spsi_area spsi_penumbra_reach(const spsi_penumbra *penumbra, int index) {
     return reach;
 }
 
-/* World length per slab. */
+/* World length of rays per slab. */
 static spsi_v spsi_slab_lengths(const spsi_beam *beam, spsi_v x, float y) {
     const spsi_v slabs = spsi_abs(spsi_linear_slope(&beam->slab, x, y));
     return spsi_div(spsi_ray_lengths(&beam->rays, x, y), spsi_max(slabs, spsi_set(FLT_MIN * 16)));
@@ -15173,7 +15170,7 @@ static void spsi_beam_lengths(const spsi_beam *beam, int x0, int y, int count, f
                                                   (float)(y - beam->y0)));
 }
 
-/* Fraction of a layer's light that polygons stop, in a beam's texels of an area. Returns bounds of nonzero texels. */
+/* Fraction of a layer's light that polygons stop, at a beam's texels in an area. Returns bounds of nonzero texels. */
 static spsi_area spsi_beam_stopped(const spsi_beam *beam, spsi_area area, float layer, float *stopped) {
     const size_t width = (size_t)(area.x1 - area.x0 + 1);
     spsi_area any = spsi_area_none();
@@ -15190,7 +15187,7 @@ static spsi_area spsi_beam_stopped(const spsi_beam *beam, spsi_area area, float 
     return any;
 }
 
-/* A row of a tile: its texels in the images of planes and layers, and in the tile. */
+/* A row of a tile. `texel`: its first texel in planes and layers; `own`: in the tile. */
 typedef struct spsi_tile_row {
     int x0, y, count;
     size_t texel, own;
@@ -15203,7 +15200,7 @@ static spsi_tile_row spsi_tile_row_at(const spsi_penumbra *penumbra, spsi_area a
     return row;
 }
 
-/* Interpolates optical depth, which bends less than transmittance. `passes` receives transmittance. */
+/* Interpolates optical depth, which is smoother than transmittance. `passes` receives transmittance. */
 static void spsi_beam_add_row(const spsi_penumbra *penumbra, const spsi_beam *beam, const spsi_slide *slide,
                               const spsi_tile_row *row, float *passes) {
     const spsi_v zero = spsi_set(0);
@@ -15233,12 +15230,12 @@ static void spsi_beam_hide_row(const spsi_texel_grid *grid, const spsi_slide *sl
     }
 }
 
-/* Layer n behind the plane in work. */
+/* Layer n behind the current plane. */
 static float *spsi_penumbra_layer(const spsi_penumbra *penumbra, int n) {
     return penumbra->hidden + (size_t)(penumbra->plane * SPSI_SUBSLABS + n) * spsi_ray_count(penumbra->rays);
 }
 
-/* Adds the light that polygons stop in the slab behind the plane. */
+/* Adds the light that polygons stop in the slab behind the current plane. */
 static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area area, const float *passes,
                            float *stopped) {
     const double slab = penumbra->first_slab + penumbra->plane;
@@ -15250,7 +15247,7 @@ static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam *beam,
         spsi_area any = spsi_beam_stopped(beam, from, (float)(SPSI_SUBSLABS * slab + n), stopped);
         spsi_slide slide;
         if (spsi_area_empty(any)) continue;
-        any.x0 -= 3, any.y0 -= 3, any.x1 += 3, any.y1 += 3; /* reach of cubics, and a texel */
+        any.x0 -= 3, any.y0 -= 3, any.x1 += 3, any.y1 += 3; /* cubics' reach, and a texel */
         any = spsi_area_meet(spsi_slide_area(penumbra, beam, at, at, 1, any), area);
         spsi_slide_build(penumbra, beam, at, -1, &slide);
         for (int y = any.y0; y <= any.y1; ++y) {
@@ -15272,7 +15269,7 @@ static void spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, 
         spsi_beam_hide(penumbra, beam, area, memory, memory + SPSI_BEAM_TILE);
 }
 
-/* Turns sums over beams into the fraction stopped in each layer and the optical depth at the plane. */
+/* Turns sums over beams into fractions stopped per layer and optical depth at the plane. */
 static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, const spsi_tile_row *row, int layers) {
     const spsi_v all = spsi_set((float)penumbra->beam_count), one = spsi_set(1);
     float *plane = penumbra->planes[penumbra->plane] + row->texel;
@@ -15289,7 +15286,7 @@ static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, const spsi_t
     }
 }
 
-/* A tile of the plane in work, and of the layers behind it. */
+/* Computes a tile of the current plane and the layers behind it. */
 static void spsi_penumbra_plane_task(void *data, int index, int worker) {
     const spsi_penumbra *penumbra = (const spsi_penumbra *)data;
     const int layers = penumbra->hidden && penumbra->plane < SPSI_CHUNK ? SPSI_SUBSLABS : 0;
@@ -15312,9 +15309,9 @@ static void spsi_penumbra_plane_task(void *data, int index, int worker) {
 
 /* --- along the beams --- */
 
-#define SPSI_BEAM_BLOCK 32 /* texels per side, which cross sheets together */
+#define SPSI_BEAM_BLOCK 32 /* side of a block of texels, advanced together */
 
-/* Crosses the slab behind the plane in work. */
+/* Advances a block through the slab behind the current plane. */
 static void spsi_beam_block(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area block) {
     const double slab = penumbra->first_slab + penumbra->plane;
     spsi_slide slide;
@@ -15332,7 +15329,7 @@ static void spsi_beam_block(const spsi_penumbra *penumbra, const spsi_beam *beam
     }
 }
 
-/* A band of blocks of all beams. */
+/* Advances a band of all beams' blocks. */
 static void spsi_beams_task(void *data, int index) {
     const spsi_penumbra *penumbra = (const spsi_penumbra *)data;
     for (int i = 0; i < penumbra->beam_count; ++i) {
@@ -15346,7 +15343,7 @@ static void spsi_beams_task(void *data, int index) {
     }
 }
 
-/* Advances all beams plane by plane through the chunk whose sheets are stored. */
+/* Advances all beams plane by plane through the stored chunk. */
 SPSI_COLD void spsi_penumbra_advance(sps_context *context, spsi_penumbra *penumbra, int first_slab,
                                      float *const *planes) {
     const int tiles = penumbra->tiles_x * penumbra->tiles_y;
@@ -15365,7 +15362,7 @@ SPSI_COLD void spsi_penumbra_advance(sps_context *context, spsi_penumbra *penumb
     }
 }
 
-/* True if the ray may meet media up to `slab`. */
+/* True if the ray may meet media in the chunk up to `slab`. */
 static int spsi_beam_meets(const spsi_penumbra *penumbra, const spsi_beam *beam, const double texel[2], double slab) {
     spsi_area area = spsi_area_none();
     for (int end = 0; end < 2; ++end) {
@@ -15382,7 +15379,7 @@ static int spsi_beam_meets(const spsi_penumbra *penumbra, const spsi_beam *beam,
     return spsi_penumbra_holds(penumbra, area);
 }
 
-/* Optical depth in front of a point: at the chunk's end, or at its begin plus stored sheets. */
+/* Optical depth in front of a point: at the chunk's end, or at its start plus stored sheets. */
 static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam *beam, const double point[3]) {
     const double first = penumbra->first_slab;
     const double slab = spsi_dmin(spsi_slab_at(penumbra->slabs, point), first + SPSI_CHUNK);
@@ -15407,31 +15404,31 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
 
 /* ============================================================================================ >>spreading
    26 Forward scattering spreads light from sheet to sheet [Zhang & Crawfis, section 3]. A sheet of optical depth t,
-   its part s scattering, passes e^(s-t) of the flux. Direct light keeps e^-t; the rest joins scattered light. A is
-   that light's mean squared sine to the ray, B the mean product of sine and displacement, C the displacement's
-   variance. x runs from 0 to s through thickness D, and h = (1 - P[2])/2.
+   of which s is scattering, transmits e^(s-t) of the flux. Direct light keeps e^-t; the rest joins scattered light. A
+   is its mean squared sine to the ray, B the mean product of sine and displacement, C the displacement's variance.
+   x runs from 0 to s through thickness D, and h = (1 - P[2])/2.
      dA/dx = 2h (2/3 - A),   dB/dx = A D/s - h B,   dC/dx = 2 B D/s.
-   C's growth is the variance of a Gaussian kernel: 4/9 h s D^2 for small angles [Eyges 1948]. B decays by h, the
-   limit of 1 - P[1] for Henyey-Greenstein lobes at g = 1.
+   C's growth is the variance of a Gaussian kernel: 4/9 h s D^2 for small angles [Eyges 1948]. B decays at rate
+   h, the limit of 1 - P[1] for Henyey-Greenstein lobes near g = 1.
    One Gaussian lacks peak and tail: light scattered only within lobes' peaks is a separate beam. The rest is the
-   total less that beam, which preserves moments.
-   Two streams scale stored light for backscattering: 1/(1 + Q), Q = 3/4 (1 - P[1]) s. Unbounded media pass up to a
-   quarter more.
-   Displacements are in texels, whose growth in a cone shrinks angles. Kernels move a fraction w <= 1/2 by k = 1, 2,
-   4 .. texels to either side, of variance w k^2. This conserves energy at any width. Sheets alternate between
+   total minus that beam, which preserves moments.
+   A two-stream factor scales stored light for backscattering: 1/(1 + Q), Q = 3/4 (1 - P[1]) s. Unbounded media
+   transmit up to a quarter more.
+   Displacements are in texels, whose growth along a cone shrinks angles. Kernels move a fraction w <= 1/2 by k = 1,
+   2, 4 .. texels, half to each side, with variance w k^2. This conserves energy at any width. Sheets alternate between
    columns and rows.
-   Results are independent of the number of sheets. Half of a halo lies within 3 to 14 % more radius than random
-   walks'. Cost: a pass per sheet and octave of kernel width. */
+   Results are independent of the number of sheets. Half a halo's light lies within a radius 3 to 14 % larger than
+   random walks'. Cost: a pass per sheet and octave of kernel width. */
 
-#define SPSI_SPREAD_STEP 64 /* maximum texels of a step */
-/* Optical depth that light has passed at least: below, differences of X are round-off. */
+#define SPSI_SPREAD_STEP 64 /* maximum step, in texels */
+/* Minimum optical depth that light has passed: below it, differences of X are round-off. */
 #define SPSI_SPREAD_NEAR 0.02f
-/* A Henyey-Greenstein lobe is a peak of this weight, of mean squared sine SHARP (1 - g)^2, and a rest. */
+/* A Henyey-Greenstein lobe has a peak of this weight, with mean squared sine SHARP (1 - g)^2, and a rest. */
 #define SPSI_SPREAD_PEAK  0.75f
 #define SPSI_SPREAD_SHARP 2.0f
-/* Extra path over thickness, per part turned back and forth. */
+/* Extra path length relative to thickness, per unit of Q. */
 #define SPSI_SPREAD_DETOUR 0.3f
-/* Variance in squared texels, below which light waits. */
+/* Variance, in squared texels, below which spreading is delayed. */
 #define SPSI_SPREAD_WAITS 0.25f
 
 typedef struct spsi_spread {
@@ -15441,7 +15438,7 @@ typedef struct spsi_spread {
     int pitch;    /* texels per row, in whole vectors */
     size_t plane; /* floats of a plane: rows of all faces */
     float *onward; /* per channel and plane: scattered irradiance, without color and falloff */
-    float *flux;   /* received by media, spsi_spread_keep */
+    float *flux;   /* received by media, see spsi_spread_keep */
     float *way;    /* `flux` times optical depth passed */
 } spsi_spread;
 
@@ -15450,7 +15447,7 @@ typedef struct spsi_spreads {
     int count;
 } spsi_spreads;
 
-/* Unit: t. */
+/* Sheet thickness in t. */
 static double spsi_spread_thickness(const spsi_spread *spread) {
     return (spread->map.far_depth - spread->map.near_depth) / spread->sheet_count;
 }
@@ -15461,7 +15458,7 @@ SPSI_COLD size_t spsi_spread_floats(const spsi_spread *spread) {
 
 /* --- from sheet to sheet --- */
 
-/* State, times flux: angle and slant are A and B; widths, variance yet to spread. */
+/* State times flux: angle and slant are A and B, widths are variances yet to spread. */
 typedef enum spsi_spread_part {
     SPSI_SPREAD_WAY,
     SPSI_SPREAD_FLUX,
@@ -15475,42 +15472,42 @@ typedef enum spsi_spread_part {
 /* Light scattered only within peaks, and the rest. */
 typedef enum spsi_spread_beam { SPSI_SPREAD_NARROW, SPSI_SPREAD_WIDE, SPSI_SPREAD_BEAMS } spsi_spread_beam;
 
-/* A channel at a plane of one face, by rows and columns. Parts are times solid angle. */
+/* A channel's light on a plane of one face, by rows and columns. Parts are multiplied by solid angle. */
 typedef struct spsi_spread_light {
-    int size[2], pitch[2]; /* columns and rows; in whole vectors */
+    int size[2], pitch[2]; /* columns and rows; pitches in whole vectors */
     float *part[SPSI_SPREAD_BEAMS][2][SPSI_SPREAD_PARTS];
-    float *depth;      /* straight from the light */
-    float *scattered;  /* its scattering part */
+    float *depth;      /* optical depth straight from the light */
+    float *scattered;  /* scattering part of `depth` */
     float *back;       /* Q so far */
     float *solid;      /* relative solid angles */
-    float *stretch[2]; /* variance along x and y, by slant */
-    float *tilt[2];    /* along columns and rows: excess moved down, per texel */
-    float *memory;     /* scratch, spsi_spread_along */
-    int mirrored;      /* 1: outflow returns at its side, since other faces adjoin */
+    float *stretch[2]; /* variance factors along x and y, from slant */
+    float *tilt[2];    /* along columns and rows: downward bias of moves, per texel */
+    float *memory;     /* scratch of spsi_spread_along */
+    int mirrored;      /* 1: edges reflect outflow, since other faces adjoin */
 } spsi_spread_light;
 
-/* A sheet, per texel. */
+/* A sheet's properties, per texel. */
 typedef struct spsi_spread_sheet {
     const float *depth;
-    const float *scattered; /* its scattering part */
+    const float *scattered; /* scattering part of `depth` */
     const float *turned;    /* scattered (1 - P[2]) */
     const float *back;      /* scattered (1 - P[1]) */
     const float *source;    /* irradiance without media */
-    const float *open;      /* fraction of scattered light past polygons */
+    const float *open;      /* fraction of scattered light that passes polygons */
     const float *reach;     /* thickness along the ray, in texels at its end */
-    float growth;           /* texel size at its begin over its end */
-    int sides;              /* columns (bit 0) and rows (bit 1) spread now */
-    int is_last;            /* 1: no light waits */
+    float growth;           /* texel size at its start over its end */
+    int sides;              /* bit 0: spread along columns now; bit 1: along rows */
+    int is_last;            /* 1: spread any variance now */
 } spsi_spread_sheet;
 
-/* Gains in a sheet of 2 h s = `turned`. */
+/* Moments' changes in a sheet where 2 h s = `turned`. */
 typedef struct spsi_spread_gains {
     spsi_v keeps, mean; /* exp(-h s), and its mean over the sheet */
-    spsi_v fresh[3];    /* A, B, C by events, over 2/3; B per reach, C per squared reach */
+    spsi_v fresh[3];    /* A, B, C from scattering here, over 2/3; B per reach, C per squared reach */
 } spsi_spread_gains;
 
-/* C gains 2 (1 - 2m + m2)/b. b is h s; m and m2 are means of exp(-b) and exp(-2b). Up to b = 1/2, a series. In a cone,
-   A and B integrate over the place of events. */
+/* C gains 2 (1 - 2m + m2)/b, where b is h s; m and m2 are means of exp(-b) and exp(-2b). Up to b = 1/2, a series. In
+   a cone, A and B are averaged over events' positions. */
 static void spsi_spread_gain(spsi_v turned, float growth, spsi_spread_gains *gains) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), b = spsi_mul(turned, spsi_set(0.5f));
     const spsi_v wide = spsi_max(b, spsi_set(0.5f));
@@ -15549,7 +15546,7 @@ static void spsi_spread_behind(const spsi_spread_crossing *crossing, spsi_v part
     spsi_spread_gain(crossing->turned, crossing->growth, &gains);
     spsi_v width = spsi_fma(fresh, gains.fresh[2], spsi_mul(angle, spsi_mul(gains.mean, gains.mean)));
     width = spsi_fma(spsi_mul(spsi_set(2), slant), gains.mean, spsi_mul(width, reach));
-    width = spsi_mul(spsi_mul(width, reach), spsi_set(0.5f)); /* half for each of x and y */
+    width = spsi_mul(spsi_mul(width, reach), spsi_set(0.5f)); /* half each for x and y */
     spsi_v more = spsi_mul(spsi_mul(angle, gains.mean), reach);
     more = spsi_mul(spsi_mul(spsi_add(slant, more), gains.keeps), growth);
     part[SPSI_SPREAD_FLUX] = spsi_add(old, crossing->joins);
@@ -15562,7 +15559,7 @@ static void spsi_spread_behind(const spsi_spread_crossing *crossing, spsi_v part
     }
 }
 
-/* Scattering within peaks, and (`sharp`) times their 1 - P[2]. One lobe plus isotropic has P[l] = w g^l. */
+/* Scattering within peaks; `sharp`: multiplied by their 1 - P[2]. Assumes one lobe plus isotropic: P[l] = w g^l. */
 static spsi_v spsi_spread_peak(spsi_v scattered, spsi_v turned, spsi_v back, spsi_v *sharp) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), some = spsi_max(scattered, spsi_set(FLT_MIN));
     const spsi_v p1 = spsi_max(spsi_sub(one, spsi_div(back, some)), zero);
@@ -15626,21 +15623,21 @@ static void spsi_spread_cross(const spsi_spread_light *light, const spsi_spread_
     spsi_store(light->back + at, back_behind);
 }
 
-/* Variance of all shorter steps: half of each square. */
+/* Variance of all shorter steps, each half its square. */
 static float spsi_spread_capacity(int k) { return (float)(((double)k * k - 1) / 6); }
 
 typedef struct spsi_spread_column {
     const spsi_spread_light *light;
     int side;
     float **part;  /* a beam's */
-    int from, way; /* first part to move; width */
+    int from, way; /* parts: first to move; width */
     float least;   /* minimum variance to spread */
     size_t first, pitch;
     int lines;
-    float *share, *moved[2]; /* moved fraction; moved up and down */
+    float *share, *moved[2]; /* moved fraction; light moved up and down */
 } spsi_spread_column;
 
-/* Moves light k texels to both sides, tilted. */
+/* Moves light k texels to both sides, biased by `tilt`. */
 static void spsi_spread_move(const spsi_spread_column *column, float *part, int k) {
     const ptrdiff_t step = (ptrdiff_t)k * SPSI_LANES, end = (ptrdiff_t)column->lines * SPSI_LANES;
     const float *tilt = column->light->tilt[column->side] + column->first;
@@ -15656,7 +15653,7 @@ static void spsi_spread_move(const spsi_spread_column *column, float *part, int 
         spsi_store(down + at, spsi_add(moved, more));
         spsi_store(part + own, spsi_sub(spsi_load(part + own), spsi_add(moved, moved)));
     }
-    for (ptrdiff_t at = 0; at < step; at += SPSI_LANES) { /* upward outflow returns downward */
+    for (ptrdiff_t at = 0; at < step; at += SPSI_LANES) { /* reflects outflow at the edges */
         const int mirrored = column->light->mirrored;
         spsi_store(down - SPSI_LANES - at, mirrored ? spsi_load(up + at) : spsi_set(0));
         spsi_store(up + end + at, mirrored ? spsi_load(down + end - SPSI_LANES - at) : spsi_set(0));
@@ -15668,7 +15665,7 @@ static void spsi_spread_move(const spsi_spread_column *column, float *part, int 
     }
 }
 
-/* Excess over the largest steps is cut off. */
+/* Variance beyond the largest steps' capacity is dropped. */
 static void spsi_spread_column_by(const spsi_spread_column *column) {
     float *const *part = column->part;
     float *widths = part[column->way];
@@ -15700,7 +15697,7 @@ static void spsi_spread_column_by(const spsi_spread_column *column) {
     }
 }
 
-/* Side 1: rows. */
+/* Spreads along columns or, for side 1, rows. */
 static void spsi_spread_along(const spsi_spread_light *light, int side, float **part, int from, float least) {
     const int lines = light->size[!side], way = side ? SPSI_SPREAD_WIDTH_X : SPSI_SPREAD_WIDTH_Y;
     const size_t pitch = (size_t)light->pitch[side];
@@ -15710,7 +15707,7 @@ static void spsi_spread_along(const spsi_spread_light *light, int side, float **
     for (; column.first < pitch; column.first += SPSI_LANES) spsi_spread_column_by(&column);
 }
 
-/* Transposes. */
+/* `side`: orientation of `part`. */
 SPSI_NOINLINE void spsi_spread_transpose(const spsi_spread_light *light, int side, const float *part, float *turned) {
     const size_t from = (size_t)light->pitch[side], to = (size_t)light->pitch[!side];
     const int lines = light->size[!side], block = 16; /* one cache line */
@@ -15743,9 +15740,9 @@ SPSI_COLD size_t spsi_spread_light_floats(const spsi_spread_light *light) {
            (3 * lines + 4 * SPSI_SPREAD_STEP) * SPSI_LANES;
 }
 
-/* In a cone of slopes x and y, relative solid angle is W = q^-3/2, q = 1 + x^2 + y^2. Uniform light stays uniform if
-   the tilt is half the derivative of ln(W v). The variance v is q (1 + x^2), times q^0 to q^1/2 for slanted paths. A
-   point light in a uniform medium is then uniform to 5 %, with 48 texels across each face. */
+/* At slopes x and y in a cone, relative solid angle is W = q^-3/2, q = 1 + x^2 + y^2. Uniform light stays uniform if
+   the tilt is half the derivative of ln(W v). The variance v is q (1 + x^2), times q^0 to q^1/2 for slanted paths.
+   A point light's field in a uniform medium is then uniform to 5 %, with 48 texels across each face. */
 SPSI_COLD void spsi_spread_texels(spsi_spread_light *light, const spsi_rays *rays) {
     double normal[3];
     memcpy(normal, rays->inverse[2], sizeof normal);
@@ -15794,7 +15791,7 @@ SPSI_COLD void spsi_spread_light_begin(spsi_spread_light *light, const spsi_rays
 
 typedef struct spsi_spread_place {
     spsi_tmap_quads quads;
-    spsi_v row[2], weight[2]; /* planes before and behind: first rows, and weights */
+    spsi_v row[2], weight[2]; /* planes in front and behind: first rows, and weights */
 } spsi_spread_place;
 
 /* `at`: see spsi_quads_build. */
@@ -15810,7 +15807,7 @@ static void spsi_spread_find(const spsi_spread *spread, const spsi_v at[3], spsi
     place->row[1] = spsi_add(place->row[0], rows);
 }
 
-/* Coordinates one sheet in front of a point. */
+/* Lookup coordinates one sheet in front of a point. */
 static void spsi_spread_coordinates(const spsi_spread *spread, const double point[3], spsi_v at[3]) {
     const spsi_rays *rays = &spread->map.rays[0];
     const double sheet = spsi_spread_thickness(spread);
@@ -15824,7 +15821,6 @@ static void spsi_spread_coordinates(const spsi_spread *spread, const double poin
     if (spread->map.face_count == 1) at[2] = spsi_set((float)(t - sheet - rays->depth_reference));
 }
 
-/* Trilinear lookup of a channel. */
 static spsi_v spsi_spread_lookup(const spsi_spread *spread, const float *values, const spsi_spread_place *place) {
     const spsi_tmap_quads *quads = &place->quads;
     spsi_v sum = spsi_set(0);
@@ -15845,24 +15841,24 @@ static spsi_v spsi_spread_flux(const spsi_spread *spread, int channel, const sps
 }
 
 /* ============================================================================================== >>shadows
-   27 Shadows on media and surfaces. Media shade by sheets, filled chunk by chunk, or by a transmittance map. Plane k
-   holds the optical depth between the light and slab k. Light propagates from slab to slab, tile by tile, since hard
-   light never leaves its ray. Lookups work within the current chunk. Polygons shade media by a depth map and each
-   other by rays; points behind an opaque one are dark, whatever the planes. Penumbrae propagate beam by beam,
-   >>penumbrae. Cost: 68 bytes per texel of the planes. */
+   27 Shadows on media and surfaces. Media cast shadows through sheets, filled chunk by chunk, or a transmittance map.
+   Plane k holds the optical depth between the light and slab k. Light propagates from slab to slab, tile by tile, since
+   hard light never leaves its ray. Lookups work within the current chunk. Polygons shade media by a depth map and each
+   other by rays; points behind an opaque polygon are dark whatever the planes hold. Penumbrae propagate beam by beam,
+   >>penumbrae. Memory: 68 bytes per texel of the planes. */
 
 typedef struct spsi_planes {
     float *depth[SPSI_CHUNK + 1]; /* width * height each */
     int width, height, tiles_x, tiles_y;
     float end;             /* optical depth of early termination */
     int cubic;             /* 1: bicubic lookup, for classified volumes */
-    uint64_t *open;        /* per tile: bit mask of patches that light still passes */
-    unsigned char *uneven; /* per tile; 1: planes differ, to be levelled before the next chunk */
+    uint64_t *open;        /* per tile: bit mask of patches that light still reaches */
+    unsigned char *uneven; /* per tile; 1: planes differ and must be levelled for the next chunk */
 } spsi_planes;
 
 #define SPSI_PLANES_TEXEL_BYTES ((SPSI_CHUNK + 1) * sizeof(float))
 
-/* Bicubic lookup, clamped to the four nearest values. Optical depth of classified volumes bends within a voxel:
+/* Bicubic lookup, clamped to the four nearest values. Optical depth of classified volumes curves within a voxel:
    bilinear lookups overestimate it, and darken surfaces by 3 % at one texel per voxel. Grids are at least 4 x 4;
    lookups are clamped to inner cells. */
 static inline spsi_v spsi_bicubic(const float *grid, int width, int height, spsi_v x, spsi_v y) {
@@ -15929,12 +15925,12 @@ typedef struct spsi_sliced {
     spsi_target target;
     spsi_light_shader shader;
     spsi_planes planes;
-    int is_soft; /* 1: propagates by `penumbra` */
+    int is_soft; /* 1: light propagates through `penumbra` */
     spsi_penumbra penumbra;
 } spsi_sliced;
 
 typedef enum spsi_shadow_kind {
-    SPSI_SHADOW_NONE, /* no media cast it */
+    SPSI_SHADOW_NONE, /* media cast none */
     SPSI_SHADOW_SHEETS,
     SPSI_SHADOW_TABLE
 } spsi_shadow_kind;
@@ -15942,15 +15938,15 @@ typedef enum spsi_shadow_kind {
 typedef struct spsi_shadow {
     const spsi_light *light;
     spsi_shadow_kind kind;
-    const spsi_sliced *sliced; /* with sheets */
+    const spsi_sliced *sliced; /* sheets only */
     const spsi_shadow_table *table;
     int soft;                  /* 1: sheets include polygons' shadows */
     void *open;                /* see spsi_visibility_bytes */
     spsi_linear along[3];      /* arguments of spsi_shadow_lookup along the eye's rays */
     spsi_depth_map depth_map;
-    spsi_translucency_map *translucency_maps; /* one per point of a soft light, or one */
+    spsi_translucency_map *translucency_maps; /* one, or one per point of a soft light */
     int translucency_map_count;               /* 0: no translucent polygons */
-    const spsi_spread *spread;   /* NULL: light keeps to its rays */
+    const spsi_spread *spread;   /* NULL: light does not spread */
     spsi_linear spread_along[3]; /* arguments of spsi_spread_find along the eye's rays */
 } spsi_shadow;
 
@@ -15962,7 +15958,7 @@ SPSI_COLD sps_result spsi_planes_build(sps_context *context, const spsi_frame *f
     planes->tiles_x = spsi_tile_columns(rays);
     planes->tiles_y = spsi_tile_rows(rays);
     const size_t tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
-    /* tiles' arrays take less than one texel */
+    /* a tile's flags take less than a texel's planes */
     planes->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_PLANES, texels + tiles, SPSI_PLANES_TEXEL_BYTES);
     if (!planes->open) return context->result;
     float *memory = (float *)(void *)(planes->open + tiles);
@@ -16042,7 +16038,7 @@ SPSI_COLD void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
 
 /* --- lookup --- */
 
-/* Argument i of spsi_quads_build is row . (point - light) less what is returned. */
+/* Argument i of spsi_quads_build is row . (point - light) minus the returned value. */
 static double spsi_light_grid_row(const spsi_light_grid *grid, int i, double row[3]) {
     const int whole = grid->face_count > 1;
     for (int k = 0; k < 3; ++k) row[k] = whole ? k == i : grid->rays[0].inverse[i][k];
@@ -16090,7 +16086,7 @@ static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], 
     return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
 }
 
-/* Mostly all lanes look up one grid. */
+/* Looks up grid `number`, usually the same in all lanes. */
 static spsi_v spsi_planes_find(const spsi_planes *planes, const float *grids, spsi_v number, const spsi_v q[2]) {
     const size_t texels = (size_t)planes->width * (size_t)planes->height;
     spsi_v found = spsi_set(0);
@@ -16106,7 +16102,7 @@ static spsi_v spsi_planes_find(const spsi_planes *planes, const float *grids, sp
     return found;
 }
 
-/* Fraction of a penumbra hidden by polygons. */
+/* Fraction of a penumbra's light that polygons stop. */
 static spsi_v spsi_sliced_hidden(const spsi_sliced *sliced, const spsi_v at[3], spsi_v layer) {
     const spsi_v k = spsi_floor(spsi_clamp(layer, spsi_set(0), spsi_set(SPSI_SUBSLABS * SPSI_CHUNK - 1)));
     spsi_v q[2];
@@ -16114,7 +16110,7 @@ static spsi_v spsi_sliced_hidden(const spsi_sliced *sliced, const spsi_v at[3], 
     return spsi_planes_find(&sliced->planes, sliced->penumbra.hidden, k, q);
 }
 
-/* Linear between planes. Mostly all points are in one slab; where the eye sees no media, a whole chunk is shaded
+/* Interpolates between planes. Mostly, all points are in one slab; where the eye sees no media, a whole chunk is shaded
    together. */
 static spsi_v spsi_planes_lookup(const spsi_planes *planes, const spsi_v q[2], spsi_v slab) {
     const spsi_v k = spsi_min(spsi_floor(slab), spsi_set(SPSI_CHUNK - 1));
@@ -16132,7 +16128,7 @@ static spsi_v spsi_points_along(const spsi_points *points, const double row[3], 
     return spsi_load(along);
 }
 
-/* Optical depth; 0 behind the light. */
+/* Optical depth at surface points; 0 behind the light. */
 static spsi_v spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, const spsi_points *points) {
     static const double zero[3] = {0, 0, 0};
     const spsi_rays *rays = sliced->target.rays;
@@ -16162,7 +16158,7 @@ static spsi_v spsi_shadow_table_surfaces(const spsi_shadow_table *table, const s
     return spsi_shadow_table_lookup(table, at);
 }
 
-/* Points are in or next to the chunk. */
+/* Points must lie in or next to the chunk. */
 static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, const spsi_points *points, float *depths) {
     spsi_v found = spsi_set(0);
     if (shadow->kind == SPSI_SHADOW_TABLE) found = spsi_shadow_table_surfaces(shadow->table, points);
@@ -16172,7 +16168,7 @@ static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, cons
 
 /* --- sheets or tables --- */
 
-/* True if a table is as fine as the sheets of a large image, along the light too: independent of image size. */
+/* True if a table is as fine as a large image's sheets, also along the light. Independent of image size. */
 SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, const spsi_light *light) {
     spsi_shadow_table table;
     const spsi_light_grid *grid = &table.grid;
@@ -16186,8 +16182,8 @@ SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, 
     return ceil((grid->far_depth - grid->near_depth) / pitch) <= table.planes;
 }
 
-/* Upper bound of a frame's bytes without tables, with all voxels stored, by the figures at the top of this file. Tables
-   must not exceed the memory limit. Caches and region do not count: a scene always renders alike. */
+/* Upper bound on a frame's bytes without tables, with all voxels stored, from the figures at the top of this file.
+   Tables must not exceed the memory limit. Caches and region do not count: a scene always renders alike. */
 SPSI_COLD double spsi_bytes_without_tables(const sps_context *context, const spsi_frame *frame,
                                            const spsi_sweep *sheets) {
     const double pixels = (double)(frame->eye.width + SPSI_TILE_WIDTH) * (frame->eye.height + SPSI_TILE_HEIGHT);
@@ -16223,8 +16219,8 @@ static int spsi_light_tables(const spsi_light *light) {
     return count < 32 ? spsi_imin(count, 5) : count < 64 ? 8 : SPSI_TABLES_MOST;
 }
 
-/* Sets the number of tables, within `room` bytes. One suffices for penumbrae below half a texel; unknown widths count
-   as wider. */
+/* Sets the number of tables, within `room` bytes. One suffices for penumbrae narrower than half a texel; unknown
+   widths count as wider. */
 static void spsi_light_table_count(const sps_context *context, const spsi_frame *frame, double *room,
                                    spsi_light *light) {
     const int known = frame->meshes.triangle_count == 0 && frame->particles.set_count == 0;
@@ -16244,7 +16240,7 @@ static void spsi_light_table_count(const sps_context *context, const spsi_frame 
     if (light->tables > 1) *room -= sum;
 }
 
-/* Lights that no slabs serve get a table, area lights several. */
+/* Gives a table to lights that no slabs serve, several to area lights. */
 SPSI_COLD void spsi_choose_for_unserved(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                         double *room, spsi_light *light) {
     const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_EVEN;
@@ -16255,8 +16251,8 @@ SPSI_COLD void spsi_choose_for_unserved(const sps_context *context, const spsi_f
     if (light->tables > 1) light->choice = SPSI_CHOICE_TABLES;
 }
 
-/* Makes a choice the caller left open. `others`: an earlier light has sheets; `room`: bytes left for tables. `plain`:
-   media's bounds, which judge a table's detail, or shadows would jump where a level fades in. */
+/* Chooses where the caller has not. `others`: 1 if an earlier light has sheets; `room`: bytes left for tables. `plain`:
+   media's bounds without levels' padding, to judge a table's detail, lest shadows jump where a level fades in. */
 SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *frame, const spsi_bounds *plain,
                                      int others, double *room, spsi_light *light) {
     const spsi_bounds all = frame->content->bounds;
@@ -16284,16 +16280,16 @@ SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *fra
         spsi_light_choose_table(light, 0, SPSI_CHOICE_SHEETS);
 }
 
-/* Squared, in place or direction. */
+/* Squared distance in position or direction. */
 static double spsi_lights_apart(const spsi_light *a, const spsi_light *b) {
     double offset[3];
     spsi_along(a->is_point ? a->position : a->direction, b->is_point ? b->position : b->direction, -1, offset);
     return spsi_dot(offset, offset);
 }
 
-/* Splits an area light into one light per table, at the mean of its nearest points. Means move outwards until their
-   variance is that of all points: third-order accuracy in the light's size. Returns the number of lights; places
-   without points get none. */
+/* Splits an area light into one light per table, each at the mean of its nearest points. Means move outwards until
+   their variance is that of all points, for third-order accuracy in the light's size. Returns the number of lights;
+   tables without points get none. */
 static int spsi_light_split(const spsi_light *light, spsi_light *parts, spsi_light *points) {
     const double *centre = light->is_point ? light->position : light->direction;
     double variance = 0, kept = 0;
@@ -16310,7 +16306,7 @@ static int spsi_light_split(const spsi_light *light, spsi_light *parts, spsi_lig
         spsi_light *part = &parts[count];
         double sum[3] = {0, 0, 0};
         *part = *light;
-        part->points = part->few = points; /* media may be close: needs all points */
+        part->points = part->few = points; /* media may be close and need all points */
         for (int i = 0; i < light->point_count; ++i) {
             if (nearest[i] != n) continue;
             *points++ = light->points[i];
@@ -16349,7 +16345,7 @@ static void spsi_lights_split(spsi_lights *lights) {
     spsi_lights_list(lights, count > lights->whole_count ? list : lights->whole, count);
 }
 
-/* Uses volumes' boxes and known particles. Without particles, the choice is the same before and after reading. */
+/* Uses volumes' boxes and known particles. Without particles, the choice is the same before and after reading gas. */
 SPSI_COLD void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
     spsi_content *content = frame->content;
     const spsi_bounds tight = content->bounds;
@@ -16406,7 +16402,7 @@ SPSI_COLD sps_result spsi_depth_maps_build(sps_context *context, const spsi_fram
     return SPS_OK;
 }
 
-/* One map per point of a soft light, splitting the texels of one. Returns the number of floats (memory NULL: only
+/* Aims one map per point of a soft light; they split one map's texels. Returns the number of floats (memory NULL: only
    counts). */
 SPSI_COLD size_t spsi_translucency_maps_aim(const spsi_frame *frame, spsi_shadow *shadows, int count,
                                             spsi_translucency_map *next, float *memory) {
@@ -16464,7 +16460,7 @@ SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const sp
     return SPS_OK;
 }
 
-/* Returns 0 if cells have made none. */
+/* Takes a table from the cells; returns 0 if none. */
 SPSI_COLD int spsi_shadow_table_of_cells(sps_context *context, const spsi_light *light, spsi_shadow_table *table) {
     spsi_shadow_table *tables = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_CELL_TMAPS].data;
     for (int i = 0; i < context->cell_tmap_count; ++i) {
@@ -16517,7 +16513,7 @@ SPSI_COLD sps_result spsi_shadow_tables_build(sps_context *context, const spsi_f
         part.progress += part.share;
         ++next;
     }
-    spsi_shadow_tables_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count); /* the rest */
+    spsi_shadow_tables_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count); /* tables not taken */
     spsi_reserve(context, SPSI_BUFFER_SHADOW_TABLES, (size_t)mapped, sizeof *next);
     return context->result;
 }
@@ -16537,33 +16533,33 @@ SPSI_COLD void spsi_shadow_tables_release(sps_context *context, const spsi_shado
 
 /* =========================================================================================== >>scattering
    28 Forward multiple scattering. Light reaches a point through optical depth a, turns by an angle of cosine c, and
-   leaves through b; t = a + b. Besides single scattering p(c) e^-t, it sends X(t, c): events elsewhere turn light so
+   leaves through b; t = a + b. Besides single scattering p(c) e^-t, it contributes X(t, c): other events turn light so
    little that it stays on this path. Their number k is Poisson distributed with mean t. Each multiplies Legendre
    moments by albedo w and the phase function's P[l] [Goudsmit & Saunderson 1940]. Any of the k + 1 events may count
-   as the point's own, so X is divided by k + 1.
+   as the point's own, so terms are divided by k + 1.
          X = sum of (2l + 1)/(4pi) P_l(c) d[l](t),
          d[l] = P[l] e^-t r(w P[l] t),   r(x) = (e^x - 1)/x - 1.
-   Isotropised light leaves at the sides: d[0] is divided by 1 + 0.06 (1+c)^2 (1 - P[1]) t. This fits random walks in
-   clouds, and is omitted with >>spreading and >>cells. X is at least -p e^-t. Tables are over u = t/(t + 4) and s,
+   Isotropic light leaves at the sides, so d[0] is divided by 1 + 0.06 (1+c)^2 (1 - P[1]) t. This fits random walks in
+   clouds, and is omitted with >>spreading and >>cells. X is clamped to -p e^-t. Tables are over u = t/(t + 4) and s,
    the angle being pi s^2.
-   X falls as 1/t or 1/t^2, so lights, rays and X end at a depth of 64. From the last node before, at 41, X is linear
-   in u to 0. At 64, X is at most 0.0013 for asymmetries up to 0.95, 0.0086 for 0.99; isotropic p is 0.08. A layer
-   that deep lacks radiance 0.02 for 0.8, 0.55 for 0.99, at irradiance 1. Cost: ln 100 / ln(1/g) terms per entry, and
-   two or three lookups per part of a slab, light and medium. */
+   X falls as 1/t or 1/t^2, so lights, rays and X end at a depth of 64. From the last node before 64, at 41, X falls
+   linearly in u to 0. At 64, X is at most 0.0013 for asymmetries up to 0.95, 0.0086 for 0.99; isotropic p is 0.08. A
+   layer that deep loses radiance 0.02 for 0.8, 0.55 for 0.99, at irradiance 1. Cost: ln 100 / ln(1/g) terms per entry,
+   and two or three lookups per subslab, light and medium. */
 
-#define SPSI_FORWARD_ORDERS 460 /* the last moment squared is 1e-4 at the maximum asymmetry, 0.99 */
+#define SPSI_FORWARD_ORDERS 460 /* the last moment's square is 1e-4 at the maximum asymmetry, 0.99 */
 
-/* Cells follow the first `followed` orders without the peak, the next moment. Here, only light passed on by the peak is
-   left of them. */
+/* Cells follow the first `followed` orders minus the peak, which is the next moment. Tables keep only the peak's light
+   in these orders. */
 typedef struct spsi_legendre {
     int followed;
-    int stays;   /* 1: keeps light that leaves at the sides */
+    int stays;   /* 1: no light leaves at the sides */
     double peak; /* the first moment not followed */
     double moments[SPSI_FORWARD_ORDERS], orders[SPSI_FORWARD_ORDERS];
     int count;
 } spsi_legendre;
 
-/* Moments until their square is below 1e-4. */
+/* Computes moments until their square is below 1e-4. */
 SPSI_COLD void spsi_legendre_moments(const spsi_material *material, int followed, spsi_legendre *series) {
     double power[SPSI_LOBES_MAX], most = 0;
     series->followed = followed;
@@ -16601,8 +16597,8 @@ SPSI_COLD double spsi_forward_rest(double x, double t) {
     return (exp(x - t) - exp(-t)) / x - exp(-t);
 }
 
-/* Factors d[l]. For followed orders: the peak's, and single scattering that scaled extinction, 1 - w f, transmits in
-   excess. */
+/* Computes d[l]. Followed orders have the peak's factor, plus the extra single scattering that scaled extinction,
+   1 - w f, transmits. */
 SPSI_COLD void spsi_legendre_orders(spsi_legendre *series, double albedo, double t) {
     const double peak = series->peak, more = exp(-t) * expm1(spsi_dmin(albedo * peak * t, t));
     for (int l = 0; l < series->count; ++l)
@@ -16612,7 +16608,6 @@ SPSI_COLD void spsi_legendre_orders(spsi_legendre *series, double albedo, double
             series->orders[l] = series->moments[l] * spsi_forward_rest(albedo * series->moments[l] * t, t);
 }
 
-/* Sums X. */
 SPSI_COLD double spsi_legendre_sum(const spsi_legendre *series, double t, double c) {
     const double mean = series->count > 1 ? series->moments[1] : 0;
     const double leaves = series->stays ? 1 : 1 + 0.06 * (1 + c) * (1 + c) * (1 - mean) * t;
@@ -16625,7 +16620,7 @@ SPSI_COLD double spsi_legendre_sum(const spsi_legendre *series, double t, double
     return sum * 0.25 / SPSI_PI;
 }
 
-/* Optical depth of a column. */
+/* Optical depth of a table's column. */
 SPSI_COLD double spsi_forward_depth(int column) {
     const double end = (double)SPSI_FORWARD_END, u = column * end / ((end + 4) * (SPSI_FORWARD_SIZE - 1));
     return 4 * u / (1 - u);
@@ -16635,7 +16630,7 @@ static double spsi_forward_at(const spsi_material *material, const spsi_legendre
     return spsi_dmax(spsi_legendre_sum(series, t, cosine), -spsi_phase_at(material, cosine) * exp(-t));
 }
 
-/* A column: all angles. */
+/* Fills a column: all angles. */
 SPSI_COLD void spsi_forward_column(const spsi_material *material, spsi_legendre *series, double albedo, double t,
                                    float *column) {
     spsi_legendre_orders(series, albedo, t);
@@ -16684,7 +16679,7 @@ SPSI_COLD sps_result spsi_forward_tables(sps_context *context, spsi_frame *frame
     return SPS_OK;
 }
 
-/* Table coordinates for a mean over a part. */
+/* Table coordinates and weights for a mean over a subslab. */
 typedef struct spsi_forward_part {
     spsi_v across, along[3], weight[3];
     int count;
@@ -16701,8 +16696,8 @@ static inline spsi_v spsi_arccosine(spsi_v c) {
     return spsi_select(spsi_less(c, spsi_set(0)), spsi_sub(spsi_set(1), p), p);
 }
 
-/* Gauss-Legendre quadrature in u, where X is smooth. With v = 1 - u, weights are times v0 v1 / v^2, which is 1 at t0 =
-   t1. Two nodes err by 1 % up to 2 units of optical depth; three beyond mostly by 3 %. Nodes lie before X ends. */
+/* Gauss-Legendre quadrature in u, where X is smooth. With v = 1 - u, weights are multiplied by v0 v1 / v^2, which is 1
+   at t0 = t1. Two nodes err by 1 % up to optical depth 2; beyond, three mostly err by 3 %. Nodes lie before X ends. */
 static void spsi_forward_part_build(spsi_v cosine, spsi_v start, spsi_v end, spsi_forward_part *part) {
     static const float nodes[2][3] = {{0.21132487f, 0.78867513f, 0}, {0.11270167f, 0.5f, 0.88729833f}};
     static const float shares[2][3] = {{0.5f, 0.5f, 0}, {5.0f / 18, 8.0f / 18, 5.0f / 18}};
@@ -16723,7 +16718,7 @@ static void spsi_forward_part_build(spsi_v cosine, spsi_v start, spsi_v end, sps
     }
 }
 
-/* Mean of X in a level; `row`: its first row, per lane. */
+/* Mean of X at an albedo level; `row`: its first row, per lane. */
 static spsi_v spsi_forward_mean(const spsi_forward *forward, spsi_v row, const spsi_forward_part *part) {
     spsi_v sum = spsi_set(0);
     SPSI_ROLLED for (int i = 0; i < part->count; ++i)
@@ -16734,7 +16729,7 @@ static spsi_v spsi_forward_mean(const spsi_forward *forward, spsi_v row, const s
     return sum;
 }
 
-/* Mean of X for a channel of this albedo. */
+/* Mean of X for a color channel of this albedo. */
 static spsi_v spsi_forward_channel(const spsi_material *material, int channel, spsi_v albedo,
                                    const spsi_forward_part *part) {
     const spsi_forward *forward = material->forward;

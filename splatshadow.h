@@ -925,10 +925,10 @@ SPS_API const char *sps_error(const sps_context *context);
    SPS_ERROR_ARGUMENT if context is NULL. */
 SPS_API void sps_get_error(const sps_context *context, sps_error_info *info);
 
-/* Reports which passes sps_render would run for this scene and view, and why. Reads particles and calls range_fn, but
-   reads no voxels or triangles. Volumes that are not cached count as full boxes, so UNSUPPORTED (SPS_SHADOW_SHEETS) or
-   too many slabs may occur where sps_render succeeds. `report` is zeroed on failure. Errors: ARGUMENT, MEMORY, CALLBACK
-   (range_fn, particles' read_fn), DATA (particles), UNSUPPORTED. */
+/* Reports which passes sps_render would run for this scene and view, and why. Reads particles (and calls progress_fn
+   meanwhile), calls range_fn, but reads no voxels or triangles. Volumes that are not cached count as full boxes, so
+   UNSUPPORTED (SPS_SHADOW_SHEETS) or too many slabs may occur where sps_render succeeds. `report` is zeroed on failure.
+   Errors: ARGUMENT, MEMORY, CALLBACK (range_fn, particles' read_fn), CANCELLED, DATA (particles), UNSUPPORTED. */
 SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
                             sps_plan_report *report);
 

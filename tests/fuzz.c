@@ -36,7 +36,7 @@ static void fuzz(long number, sps_context *used) {
     random_scenery(&x);
     memset(&hooks, 0, sizeof hooks);
     sps_context *context = check_context(&hooks);
-    sps_result result = render_as_planned(context, &hooks, &x, number);
+    sps_result result = render_as_planned(context, &hooks, &x, number, NULL);
     if (result == SPS_OK && steady(&x) && x.s.view.width > 0 && x.s.view.height > 0) {
         for (int i = 0; i < VOLUMES; ++i) x.s.volume[i].revision = 0; /* the used context holds other voxels */
         compare_workers(&x, number, used);

@@ -832,12 +832,14 @@ static void check_map_outcome(const sps_tmap *map, long number, sps_result resul
     if (!CHECK(good) || !CHECK(check_error_info(context, result))) report(number, "map", result, context);
 }
 
-/* Renders what has just been planned, which must agree. */
-static sps_result render_as_planned(sps_context *context, const check_hooks *hooks, const scenery *x, long number) {
+/* Renders what has just been planned, which must agree. `progress`: of a call; NULL: nobody watches. */
+static sps_result render_as_planned(sps_context *context, const check_hooks *hooks, const scenery *x, long number,
+                                    float *progress) {
     sps_plan_report plan;
     char sentence[256];
     const sps_result planned = sps_plan(context, &x->s.scene, &x->s.view, &plan);
     snprintf(sentence, sizeof sentence, "%s", sps_error(context));
+    if (progress) *progress = 0;
     const sps_result result = render_scenery(context, x, 0);
     check_outcome(x, number, "render", result, context);
     /* the plan knows only the volumes' boxes, which may need more slabs than the voxels in them */

@@ -642,6 +642,34 @@ static void test_particles(void) {
     }
 }
 
+/* A plan reads particles, which can take long: it may be cancelled, and leaves the context as usable as before. */
+static void test_cancelled(void) {
+    static const sps_plan_report nothing;
+    for (long at = 1; at <= 3; ++at) {
+        check_cancel cancel = {0, at};
+        sps_particles particles;
+        sps_plan_report plan;
+        uint64_t calls = 0;
+        check_scene s;
+        check_hooks hooks;
+        memset(&hooks, 0, sizeof hooks);
+        sps_config config = check_config(&hooks);
+        config.progress_fn = check_cancel_at, config.progress_user = &cancel, config.clock_fn = check_hasty_clock;
+        sps_context *context = sps_create(&config, NULL);
+        check_clear(&s, WIDTH, HEIGHT);
+        check_orthographic(&s.view.camera, 1);
+        memset(&particles, 0, sizeof particles);
+        particles.count = 10000, particles.read_fn = read_flat, particles.user = &calls;
+        s.scene.particles = &particles, s.scene.particle_set_count = 1;
+        CHECK(sps_plan(context, &s.scene, &s.view, &plan) == SPS_ERROR_CANCELLED);
+        CHECK(memcmp(&plan, &nothing, sizeof plan) == 0 && calls == (uint64_t)at - 1);
+        cancel.at = 0;
+        CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+        CHECK(plan.particle_calls == 3 && plan.bytes > 10000 * sizeof(sps_particle));
+        sps_destroy(context);
+    }
+}
+
 /* sps_projector.sample_fn: grey. Counts its calls. */
 static int count_rows(void *user, size_t count, const float *uv, float *rgb) {
     (void)uv;
@@ -1029,6 +1057,7 @@ int main(void) {
     test_depth_only_when_asked(&full);
     test_sweeps(&full);
     test_particles();
+    test_cancelled();
     RUN(test_many);
     test_bytes_of_points();
     test_bytes_with_particles();

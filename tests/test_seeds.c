@@ -238,7 +238,8 @@ static void try_pictures(int reference) {
     set_trouble(&t, NULL);
     if (!reference || small_enough_to_march(&x)) {
         expected.reference = reference;
-        expected.result = reference ? render_scenery(t.context, &x, 1) : render_as_planned(t.context, &t.hooks, &x, 0);
+        expected.result =
+            reference ? render_scenery(t.context, &x, 1) : render_as_planned(t.context, &t.hooks, &x, 0, &t.fraction);
         check_outcome(&x, 0, "picture", expected.result, t.context);
         memcpy(expected.pixels, rgba, sizeof expected.pixels);
         t.patience = 0;

@@ -16745,49 +16745,48 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
 
 /* ================================================================================================ >>cells
    29 Multiple scattering: discrete ordinates on a grid of cubic cells around the media. 50 directions integrate
-   polynomials of degree 11 over the sphere [Lebedev 1976]. 26 lead to neighbours; 24 slanted ones take three steps
-   along one axis and one along the others, interpolated between four cells. A step of optical depth t through a cell
-   of source s conserves energy.
+   polynomials of degree 11 over the sphere [Lebedev 1976]. 26 lead to neighbours. 24 slanted ones, of slope 3:1:1,
+   interpolate between four upwind cells. A step of optical depth t through a cell of source s conserves energy.
      out = s + (in - s) e^-t,   mean = s + (in - s) (1 - e^-t)/t.
-   Moments M are means of radiance times real harmonics Y of degree l < orders (1, 2 or 4). S is a cell's source.
+   Moments M are means of radiance times real spherical harmonics Y of degree l < orders (1, 2 or 4). S is the source.
      S[lm] = w' r[l] M[lm] + given[lm],   s(direction) = sum of S[lm] Y[lm].
    Delta-M scaling treats the forward peak f = P[orders] as transmitted [Wiscombe 1977]. Extinction scales by k = 1 -
-   w f. Albedo is w' = w (1-f)/k; r[l] = (P[l]-f)/(1-f).
-   A sweep is one scattering event, so multigrid corrects smooth errors. Cost: 50 steps per cell, sweep and moment; 3
-   or 4 sweeps of the finest level, 5 to 8 near polygons.
-   Opaque polygons close links between cells whose centres they separate. Only the polygon's own light enters there. */
+   w f. Albedo w becomes w' = w (1-f)/k, phase moments P[l] become r[l] = (P[l]-f)/(1-f).
+   A sweep adds one scattering event, so multigrid corrects smooth errors. Cost: 50 steps per cell, sweep and moment;
+   3 or 4 sweeps of the finest level, 5 to 8 near polygons.
+   Opaque polygons close links between cells whose centres they separate. Closed links carry only polygons' light. */
 
 #define SPSI_CELL_DIRECTIONS 50
 #define SPSI_CELL_STRAIGHT   26 /* directions to neighbours */
-#define SPSI_CELL_LENGTHS    4  /* step lengths: 1, sqrt 2, sqrt 3 and, slanted, sqrt 11 / 3 edges */
+#define SPSI_CELL_LENGTHS    4  /* step lengths in edges: 1, sqrt 2, sqrt 3; slanted: sqrt 11 / 3 */
 #define SPSI_CELL_ORDERS     4  /* maximum: degrees 0 to 3 */
 #define SPSI_CELL_TERMS      16
-#define SPSI_CELL_LEVELS     9  /* 256 cells, halved down to one */
+#define SPSI_CELL_LEVELS     9  /* 256 cells per axis, halved down to one */
 #define SPSI_CELL_RAYS       64 /* rays per patch into the grid */
 
 /* A discrete ordinate. */
 typedef struct spsi_cell_direction {
     int step[3];  /* -1, 0 or 1 */
-    int axis;     /* axis of the three steps; -1: straight */
+    int axis;     /* dominant axis; -1: straight */
     int length;   /* index of the step length */
-    int beside_count, beside[4][3], link[4]; /* cells interpolated between: steps and links */
-    int follows;        /* 1: the first of them is in the same row */
-    uint32_t links;     /* bits of the others */
-    float share[4];     /* their weights */
+    int beside_count, beside[4][3], link[4]; /* interpolated cells: steps and links */
+    int follows;        /* 1: beside[0] is in the same row */
+    uint32_t links;     /* mask of the other links */
+    float share[4];     /* weights of these cells */
     float weight; /* quadrature weight; the sum is 1 */
     float harmonic[SPSI_CELL_TERMS];
     double back[3], across[2][3]; /* unit vectors: opposite, and perpendicular */
 } spsi_cell_direction;
 
-/* Polygons around a cell: means over links that they close, and over directions that enter the grid from them. */
+/* Polygons around a cell: means over the links they close and the directions entering the grid from them. */
 typedef struct spsi_cell_wall {
     uint64_t outside;          /* bit i: direction i enters the grid from a polygon */
     uint32_t closed;           /* bit i: a polygon closes the link of step i */
     int queued;                /* scratch, >>lighting */
-    float color[3], lit[3];    /* per channel: reflectance; reflected radiance of lights */
-    float place[3], normal[3]; /* place: from the grid's corner */
+    float color[3], lit[3];    /* per channel: reflectance; reflected radiance from lights */
+    float place[3], normal[3]; /* place: relative to the grid's corner */
     float sent;                /* radiance in the current channel, minus ambient light */
-    float patch;               /* most radiance of a lit polygon; then minus the fraction that flies */
+    float patch;               /* maximum radiance of a lit polygon; then the negated fraction sent as flights */
 } spsi_cell_wall;
 
 /* A multigrid level of one channel. Padding cells are empty. */
@@ -16797,23 +16796,23 @@ typedef struct spsi_cell_level {
     size_t count;                      /* floats per array */
     float *depth;                      /* delta-M scaled optical depth along an edge */
     float *through[SPSI_CELL_LENGTHS]; /* transmittance of a step */
-    float *average[SPSI_CELL_LENGTHS]; /* its mean along the step */
+    float *average[SPSI_CELL_LENGTHS]; /* mean transmittance along a step */
     float *keep[SPSI_CELL_ORDERS];     /* w' r[l] */
-    float *given, *sent, *moments[2];  /* arrays per term; moments[1]: scratch after a sweep */
+    float *given, *sent, *moments[2];  /* per term; `sent` includes `given`; moments[1]: scratch after a sweep */
     const spsi_cell_wall *walls;       /* per cell; NULL: polygons send nothing */
     uint32_t *closed;                  /* per cell: bit i closes the link of step i; NULL: all are open */
 } spsi_cell_level;
 
-/* Lookups read two columns. */
+/* Floats per row: lookups read two columns. */
 static int spsi_cell_pitch(int cells) { return spsi_imax(2, (cells + SPSI_LANES - 1) / SPSI_LANES * SPSI_LANES); }
 
-/* At strides of 4096 bytes, a cell's entries in all arrays would compete for one cache set; five more lines separate
-   them. */
+/* At strides of 4096 bytes, a cell's entries in all arrays would share a cache set. Five more lines separate them. */
 SPSI_COLD size_t spsi_cell_stride(size_t cells) {
     return cells < 4096 ? cells : cells + (1024 + 80 - cells % 1024) % 1024;
 }
 
-/* Directions (two components along the side, one outwards), flux weights, and least-squares weights in harmonics. */
+/* Rays: directions (two tangential components, one outward), flux weights, harmonics and their least-squares
+   weights. */
 typedef struct spsi_cell_rays {
     float out[3][SPSI_CELL_RAYS], weight[SPSI_CELL_RAYS];
     float harmonic[SPSI_CELL_RAYS][SPSI_CELL_TERMS], fit[SPSI_CELL_RAYS][SPSI_CELL_TERMS];
@@ -16829,18 +16828,18 @@ typedef struct spsi_cell_solver {
     spsi_cell_rays rays;
     int walled;          /* 1: some links are closed */
     int set_count;
-    float *single; /* per light-medium pair and cell: single scattering over the phase function */
+    float *single; /* per light-medium pair and cell: single scattering divided by the phase function */
 } spsi_cell_solver;
 
 static int spsi_cell_link(int x, int y, int z) { return x + 1 + 3 * (y + 1) + 9 * (z + 1); }
 
-#define SPSI_CELL_ROW_CLOSED ((uint32_t)1 << 13) /* a row's first cell, link to itself: the row has closed links */
+#define SPSI_CELL_ROW_CLOSED ((uint32_t)1 << 13) /* link of a row's first cell to itself: the row has closed links */
 
-/* Real harmonics of mean square 1: degree l has terms l^2 to (l + 1)^2 - 1. `terms` is 1, 4 or all. */
+/* Real spherical harmonics of mean square 1; degree l has terms l^2 to (l + 1)^2 - 1. `terms` is 1, 4 or all. */
 static inline void spsi_harmonics_v(const spsi_v v[3], int terms, spsi_v out[SPSI_CELL_TERMS]) {
     const spsi_v x = v[0], y = v[1], z = v[2], xx = spsi_mul(x, x), yy = spsi_mul(y, y), zz = spsi_mul(z, z);
     const spsi_v five = spsi_fma(zz, spsi_set(5), spsi_set(-1)), apart = spsi_sub(xx, yy), xy = spsi_mul(x, y);
-    const float factor[3] = {1.7320508f, 3.8729833f, 1.1180340f}; /* roots of 3, 15 and 1.25 */
+    const float factor[3] = {1.7320508f, 3.8729833f, 1.1180340f}; /* square roots of 3, 15 and 1.25 */
     out[0] = spsi_set(1);
     if (terms == 1) return;
     out[1] = spsi_mul(spsi_set(factor[0]), y);
@@ -16895,7 +16894,7 @@ SPSI_COLD void spsi_cell_direction_build(int x, int y, int z, int axis, spsi_cel
     spsi_basis(direction->back, direction->across[0], direction->across[1]);
 }
 
-/* Neighbours, then slanted directions; falling along z, then rising. */
+/* Directions to neighbours, then slanted ones, each by ascending z. */
 SPSI_COLD void spsi_cell_directions(spsi_cell_direction directions[SPSI_CELL_DIRECTIONS]) {
     spsi_cell_direction *next = directions;
     for (int i = 0; i < 27; ++i)
@@ -16908,7 +16907,7 @@ SPSI_COLD void spsi_cell_directions(spsi_cell_direction directions[SPSI_CELL_DIR
     }
 }
 
-/* Links end next to cell centres: polygons often lie in planes through these. */
+/* Links end slightly off cell centres: polygons often lie in planes through these. */
 static void spsi_cell_centre(const spsi_cell_grid *grid, int x, int y, int z, double centre[3]) {
     static const double off[3] = {0.5 + 0.0113, 0.5 + 0.0171, 0.5 + 0.0139};
     const int at[3] = {x, y, z};
@@ -16917,19 +16916,19 @@ static void spsi_cell_centre(const spsi_cell_grid *grid, int x, int y, int z, do
 
 /* --- one sweep --- */
 
-#define SPSI_CELL_PAD   spsi_imax(2, SPSI_LANES) /* floats between rows: the radiance on either side of the grid */
-#define SPSI_CELL_SWEPT 26                       /* most directions of one sweep */
+#define SPSI_CELL_PAD   spsi_imax(2, SPSI_LANES) /* floats between rows, for the radiance at both ends */
+#define SPSI_CELL_SWEPT 26                       /* maximum directions of one sweep */
 
-/* A sweep along z, with the directions that rise or fall, and with half of those within planes. */
+/* A sweep up or down z: directions of that sense, and 3 or 5 of the 8 within planes. */
 typedef struct spsi_cell_sweep {
     const spsi_cell_level *level;
     const spsi_cell_direction *directions[SPSI_CELL_SWEPT];
-    int count, rising; /* rising: the first ones, whose rows may be swept in rising order */
+    int count, rising; /* rising: leading directions whose rows may be swept by ascending y */
     float *planes;     /* radiance that leaves the cells: two planes per direction */
     float *rows;       /* scratch: inflow per direction; two rows of sources */
 } spsi_cell_sweep;
 
-/* Directions of a sweep swept together: in[i][x] is radiance entering cell x. */
+/* Directions swept together. in[i][x] is the radiance entering cell x. */
 typedef struct spsi_cell_beams {
     const spsi_cell_sweep *sweep;
     int first, end;
@@ -16944,7 +16943,7 @@ SPSI_COLD size_t spsi_cell_sweep_floats(const spsi_cell_level *level) {
     return rows * spsi_cell_row_floats(level) + (size_t)SPSI_CELL_PAD;
 }
 
-/* Straight directions along x, and their slanted neighbours, form pairs: back, then ahead. */
+/* Directions along x, straight or slanted, form adjacent pairs: backward, then forward. */
 SPSI_COLD void spsi_cell_sweep_begin(const spsi_cell_level *level, int index, spsi_cell_sweep *sweep) {
     sweep->level = level;
     sweep->count = sweep->rising = 0;
@@ -16967,7 +16966,7 @@ static float *spsi_cell_sweep_row(const spsi_cell_sweep *sweep, int i, int y, in
            (size_t)(plane * (sweep->level->size[1] + 2) + y + 1) * spsi_cell_row_floats(sweep->level);
 }
 
-/* Sets what enters a row at its end: light of polygons beyond the grid, as next to the nearest cell. */
+/* Sets the radiance entering at a row's end, from polygons beyond the grid next to its end cell. */
 static inline void spsi_cell_row_end(const spsi_cell_sweep *sweep, int i, size_t row, float *to) {
     const spsi_cell_level *level = sweep->level;
     const int ahead = sweep->directions[i]->step[0] > 0, size = level->size[0];
@@ -16975,7 +16974,7 @@ static inline void spsi_cell_row_end(const spsi_cell_sweep *sweep, int i, size_t
     to[ahead ? -1 : size] = wall->outside >> (sweep->directions[i] - level->solver->directions) & 1 ? wall->sent : 0;
 }
 
-/* Sets what enters from a row beside the grid. */
+/* Sets the radiance entering from a row outside the grid. */
 static void spsi_cell_row_border(const spsi_cell_sweep *sweep, int i, int y, int z) {
     const spsi_cell_level *level = sweep->level;
     const int *size = level->size;
@@ -16989,12 +16988,12 @@ static void spsi_cell_row_border(const spsi_cell_sweep *sweep, int i, int y, int
     }
 }
 
-/* Links closed within a row; NULL: none. */
+/* A row's closed links; NULL: none. */
 static const uint32_t *spsi_cell_row_closed(const spsi_cell_level *level, size_t row) {
     return level->closed && (level->closed[row] & SPSI_CELL_ROW_CLOSED) ? level->closed + row : NULL;
 }
 
-/* Inflow, except along x: a neighbour's row, or `own`. */
+/* Inflow, except along x: an upwind row, or `own`. */
 static const float *spsi_cell_row_enters(const spsi_cell_sweep *sweep, int i, int y, int z, float *own) {
     const spsi_cell_level *level = sweep->level;
     const spsi_cell_direction *direction = sweep->directions[i];
@@ -17023,7 +17022,7 @@ static const float *spsi_cell_row_enters(const spsi_cell_sweep *sweep, int i, in
     return own;
 }
 
-/* Adds weighted outflow of previous cells to inflow, back and ahead along x: pairing hides half of the recurrence's
+/* Adds weighted outflow of previous cells to inflow, in both senses of x: pairing hides half of the recurrence's
    latency. */
 static void spsi_cell_rows_follow(const spsi_cell_sweep *sweep, int pair, int y, int z, float *const in[2]) {
     const spsi_cell_level *level = sweep->level;
@@ -17128,7 +17127,7 @@ static void spsi_cells_sweep_task(void *data, int index) {
     for (int n = 0; n < planes; ++n) spsi_cell_sweep_plane(&sweep, index, index ? n : planes - 1 - n);
 }
 
-/* Adds up a plane's moments of both sweeps. */
+/* Adds up both sweeps' moments in a plane. */
 static void spsi_cells_add_task(void *data, int z) {
     const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t plane = (size_t)(level->size[1] * level->pitch);
@@ -17147,7 +17146,7 @@ SPSI_COLD void spsi_cells_sweep(spsi_cell_level *level) {
 
 /* --- the equations --- */
 
-/* 1 - `keep` times the fraction of a cell's source in its own mean radiance, 1 - (1 - e^-t)/t. */
+/* 1 - `keep` times the weight of a cell's source in its own mean radiance, 1 - (1 - e^-t)/t. */
 static inline spsi_v spsi_relaxation_divisor(const spsi_cell_level *level, const float *keep, size_t at) {
     static const float share[SPSI_CELL_LENGTHS] = {24.0f / 315, 768.0f / 2835, 216.0f / 1280, 351384.0f / 725760};
     spsi_v own = spsi_set(0);
@@ -17156,7 +17155,7 @@ static inline spsi_v spsi_relaxation_divisor(const spsi_cell_level *level, const
     return spsi_max(spsi_sub(spsi_set(1), spsi_mul(spsi_load(keep + at), own)), spsi_set(1e-6f));
 }
 
-/* Residuals, in moments[1], and the plane's balance. */
+/* A plane's residuals, in moments[1], and balance. */
 static void spsi_cells_residual_task(void *data, int z) {
     const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
@@ -17191,7 +17190,8 @@ typedef struct spsi_cell_step {
     int count;
 } spsi_cell_step;
 
-/* Restricts optical depth, and means weighted by it. Empty cells stay 0. Coarse links are closed if any fine one is. */
+/* Restricts optical depth, and other arrays weighted by it. Empty cells stay 0. A coarse link is closed if any fine one
+   is. */
 static void spsi_cells_coarsen_task(void *data, int z) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
@@ -17208,7 +17208,7 @@ static void spsi_cells_coarsen_task(void *data, int z) {
                 if (coarse->closed) coarse->closed[to] |= fine->closed[at[count]];
                 sum += fine->depth[at[count++]];
             }
-            coarse->depth[to] = 0.25f * sum; /* an eighth of the density, twice the edge */
+            coarse->depth[to] = 0.25f * sum; /* mean density, twice the edge */
             SPSI_ROLLED for (int k = 0; k < step->count && sum > 0; ++k) {
                 const float *from = step->from + (size_t)k * fine->count;
                 float mean = 0;
@@ -17218,7 +17218,7 @@ static void spsi_cells_coarsen_task(void *data, int z) {
         }
 }
 
-/* The adjacent coarse cell nearest to fine cell x, within the grid. */
+/* The coarse neighbour on fine cell x's side, clamped to the grid. */
 static int spsi_cell_neighbour(int x, int size) {
     const int beside = x / 2 + (x & 1 ? 1 : -1);
     return beside < 0 || beside >= size ? x / 2 : beside;
@@ -17239,7 +17239,7 @@ static inline float spsi_cell_rows_at(const float *const row[4], int x, int size
     return (3 * here + next) * (1.0f / 64);
 }
 
-/* Prolongs the coarse source and its scattered moments; relaxes the rest per cell: a Jacobi step. */
+/* Prolongs the coarse source and its scattered moments, then relaxes the rest: a Jacobi step. */
 static void spsi_cells_correct_task(void *data, int z) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
@@ -17277,7 +17277,7 @@ static void spsi_cells_paths_task(void *data, int z) {
 
 #define SPSI_CELL_BALANCE 5e-4 /* tolerated residual over source */
 #define SPSI_CELL_CYCLES  8    /* maximum */
-#define SPSI_CELL_REPEATS 4    /* sweeps of the coarsest level, at most 4 cells long */
+#define SPSI_CELL_REPEATS 4    /* sweeps of the coarsest level, at most 4 cells wide */
 
 /* Residual over source. */
 SPSI_COLD double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_cell_level *level) {
@@ -17294,8 +17294,8 @@ static void spsi_cells_check(spsi_cell_level *level) {
     spsi_parallel_items(level->solver->context, level->size[2], spsi_cells_residual_task, level);
 }
 
-/* A W-cycle: two cycles of the next coarser level. Coarse levels find their residual by a sweep first. Recursion is as
-   deep as there are levels. */
+/* A W-cycle: two cycles of the next coarser level. Coarse levels first sweep to find their residual. Recursion depth:
+   the number of levels. */
 SPSI_COLD void spsi_cells_w_cycle(spsi_cell_solver *solver, int n) {
     spsi_cell_level *level = &solver->levels[n], *coarse = level + 1;
     const int last = n == solver->level_count - 1;
@@ -17325,8 +17325,8 @@ SPSI_COLD void spsi_cells_levels(spsi_cell_solver *solver) {
     }
 }
 
-/* Solves for the finest level's source, given its depth, keep and given. `started`: 1: continues after more was
-   given. */
+/* Solves for the finest level's source from its `depth`, `keep` and `given`. `started`: continues after changes to
+   `given`. */
 SPSI_COLD sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, const spsi_call_stage *part) {
     spsi_cell_level *finest = &solver->levels[0];
     const size_t bytes = (size_t)solver->terms * finest->count * sizeof(float);
@@ -17355,7 +17355,7 @@ typedef struct spsi_cell_viewer {
     spsi_cell_grid *grid;
 } spsi_cell_viewer;
 
-/* Cells behind the eye are looked up, too. They count as half an edge ahead, so that the direction is never 0. */
+/* Lookups also read cells behind the eye. They count as half an edge in front: the direction is never 0. */
 static void spsi_cell_toward_eye(const spsi_cell_viewer *look, int x, int y, int z, double toward[3],
                                  float harmonic[SPSI_CELL_TERMS]) {
     const spsi_rays *eye = &look->frame->content->eye;
@@ -17369,8 +17369,8 @@ static void spsi_cell_toward_eye(const spsi_cell_viewer *look, int x, int y, int
     spsi_harmonics(toward, harmonic);
 }
 
-/* First flights that a material scatters towards the eye. A lobe g turns mean cosine b into b g. A glowing medium's own
-   light is isotropic. */
+/* First-flight radiance that a material scatters towards the eye. A lobe of asymmetry g turns mean cosine b into b g.
+   Trapped emission is isotropic. */
 static float spsi_cell_flown(const spsi_cell_viewer *look, int m, const double toward[3], int c, size_t at) {
     const spsi_cell_grid *grid = look->grid;
     const spsi_material *material = &look->frame->matter.materials[m];
@@ -17379,7 +17379,7 @@ static float spsi_cell_flown(const spsi_cell_viewer *look, int m, const double t
     const int own = look->frame->content->flies[m] > 0;
     double mean[3] = {0, 0, 0}, sum = 0, length;
     if (!(flown[0] > 0)) return own ? *trapped : 0;
-    for (int k = 0; k < 3 && grid->terms > 1; ++k) /* y, z and x */
+    for (int k = 0; k < 3 && grid->terms > 1; ++k) /* y, z, x */
         mean[k] = (double)flown[(size_t)(k ? k : 3) * grid->count] / (sqrt(3) * (double)flown[0]);
     length = spsi_dmin(spsi_length(mean), 1);
     for (int i = 0; i < material->lobe_count; ++i) {
@@ -17392,7 +17392,7 @@ static float spsi_cell_flown(const spsi_cell_viewer *look, int m, const double t
     return (float)sum * (flown[0] - trapped[(size_t)grid->channels * grid->count]) + *trapped;
 }
 
-/* Radiance towards the eye per scattered optical depth of each material; 0 in empty cells. */
+/* Radiance towards the eye per scattering optical depth of each material; 0 in empty cells. */
 static void spsi_cells_viewer_task(void *data, int row) {
     const spsi_cell_viewer *look = (const spsi_cell_viewer *)data;
     const spsi_cell_grid *grid = look->grid;
@@ -17418,7 +17418,7 @@ static void spsi_cells_viewer_task(void *data, int row) {
     }
 }
 
-/* Mean of six neighbours, each continued linearly; else of edge and corner neighbours; else 0. */
+/* Mean of face neighbours' linear extrapolations; else of edge and corner neighbours; else 0. */
 static float spsi_cells_extrapolated(const spsi_cell_grid *grid, const float *seen, const int at[3]) {
     const int *size = grid->size;
     const size_t pitch = (size_t)grid->pitch, here = (size_t)(at[2] * size[1] + at[1]) * pitch + (size_t)at[0];
@@ -17440,7 +17440,7 @@ static float spsi_cells_extrapolated(const spsi_cell_grid *grid, const float *se
     return count[0] > 0 ? sum[0] / (float)count[0] : count[1] > 0 ? sum[1] / (float)count[1] : 0;
 }
 
-/* Radiance has a kink at a medium's boundary, and lookups interpolate across. */
+/* Fills empty cells: radiance has a kink at a medium's boundary, and lookups interpolate across it. */
 static void spsi_cells_extrapolate_task(void *data, int row) {
     const spsi_cell_viewer *look = (const spsi_cell_viewer *)data;
     const spsi_cell_grid *grid = look->grid;
@@ -17455,28 +17455,27 @@ static void spsi_cells_extrapolate_task(void *data, int row) {
     }
 }
 
-/* --- irradiance of polygons --- */
+/* --- irradiance on polygons --- */
 
 #define SPSI_CELL_PATCHES 8 /* patches along an edge of a side */
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
-/* Patches by side (x, y, z, the lower one first), then the higher axis, then the lower. */
+/* Patch order: side (x, y, z; lower first), its higher axis, its lower. */
 #define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
-#define SPSI_CELL_AIM 0.6f /* fraction of its path where outgoing light originates */
-#define SPSI_CELL_PLACES 6 /* floats of geometry: centre, from the grid's corner; area; widths */
+#define SPSI_CELL_AIM 0.6f /* outgoing light originates at this fraction of its path */
+#define SPSI_CELL_PLACES 6 /* floats of geometry: centre relative to the grid's corner, area, widths */
 
-/* Geometry, flux and harmonics per channel; then flux and harmonics of single scattering, per light and phase
-   function. */
+/* Geometry; flux and harmonics per channel; then both for single scattering, per light and phase function. */
 SPSI_COLD size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
     const int sets = 1 + grid->light_count * grid->peak_count;
     return (size_t)((SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * sets * grid->channels) * SPSI_CELL_SHEET);
 }
 
-/* Flux and harmonics in a channel. */
+/* A channel's flux and harmonics. */
 static float *spsi_cell_patches_sent(const spsi_cell_grid *grid, int channel) {
     return grid->patches + (SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * channel) * SPSI_CELL_SHEET;
 }
 
-/* Patches at rims, where light changes most, are half as wide. */
+/* Patches at a side's rim, where light changes most, are half as wide. */
 static double spsi_cell_patch_begin(int patch) {
     const double at = (double)patch / SPSI_CELL_PATCHES;
     return 0.5 * at * (1 + at * (3 - 2 * at));
@@ -17492,7 +17491,7 @@ static void spsi_cell_patch_set(const spsi_cell_grid *grid, int patch, int i, do
     own[3 * SPSI_CELL_SHEET] = own[4 * SPSI_CELL_SHEET] * own[5 * SPSI_CELL_SHEET];
 }
 
-/* A hemi-octahedral map of 8 x 8; fitted by solid angle. */
+/* Rays of an 8 x 8 hemi-octahedral map; the fit is weighted by solid angle. */
 static void spsi_cell_rays_build(spsi_cell_rays *rays) {
     double matrix[SPSI_CELL_TERMS][SPSI_CELL_TERMS] = {{0}}, fit[SPSI_CELL_TERMS][SPSI_CELL_RAYS];
     for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
@@ -17509,7 +17508,7 @@ static void spsi_cell_rays_build(spsi_cell_rays *rays) {
             for (int k = 0; k < SPSI_CELL_TERMS; ++k) matrix[i][k] += fit[i][n] * (double)harmonic[k];
         }
     }
-    for (int i = 0; i < SPSI_CELL_TERMS; ++i) /* Gauss-Jordan: positive definite */
+    for (int i = 0; i < SPSI_CELL_TERMS; ++i) /* Gauss-Jordan without pivoting: positive definite */
         for (int k = 0; k < SPSI_CELL_TERMS; ++k) {
             const double share = k == i ? 1 - 1 / matrix[i][i] : matrix[k][i] / matrix[i][i];
             for (int m = 0; m < SPSI_CELL_TERMS; ++m) matrix[k][m] -= share * matrix[i][m];
@@ -17522,7 +17521,7 @@ static void spsi_cell_rays_build(spsi_cell_rays *rays) {
 /* Approximate opacity of a uniform medium. */
 static inline spsi_v spsi_cell_shape(spsi_v depth) { return spsi_div(depth, spsi_add(depth, spsi_set(1))); }
 
-/* Path length from a place on the grid's sides, over the direction's length. */
+/* Distance through the grid from a point on its sides, in lengths of `way`. */
 static inline spsi_v spsi_cell_path_transmittance(const double extent[3], const spsi_v from[3], const spsi_v way[3]) {
     spsi_v length = spsi_set(1e30f);
     for (int k = 0; k < 3; ++k) {
@@ -17533,8 +17532,8 @@ static inline spsi_v spsi_cell_path_transmittance(const double extent[3], const 
     return length;
 }
 
-/* Irradiance by a cell's moments; `harmonic`: against the normal. Degrees 0 to 2 weigh pi, 2pi/3, pi/4. Without degree
-   2, mean cosine f counts as a uniform cone, of degree 2 f (2f - 1): 0 for a hemisphere. */
+/* Irradiance from a cell's moments; `harmonic`: opposite to the normal. Degrees 0 to 2 have weights pi, 2pi/3, pi/4. A
+   missing degree 2 is that of a uniform cone of mean cosine f, f (2f - 1): 0 for a hemisphere. */
 static double spsi_cell_irradiance(const spsi_cell_grid *grid, const float *flux, const float harmonic[]) {
     static const double degree[3] = {SPSI_PI, 2 * SPSI_PI / 3, SPSI_PI / 4};
     double sum = 0, square = DBL_MIN, toward = 0, mean;
@@ -17548,7 +17547,7 @@ static double spsi_cell_irradiance(const spsi_cell_grid *grid, const float *flux
     return sum + 0.625 * SPSI_PI * (double)flux[0] * mean * spsi_dmax(2 * mean - 1, 0) * (toward * toward / square - 1);
 }
 
-/* Irradiance within the grid: interpolated between cells in front, half a cell off the polygon. */
+/* Irradiance within the grid, interpolated half a cell in front of the polygon, between cells in front. */
 static double spsi_cells_irradiance_within(const spsi_cell_grid *grid, int channel, const double point[3],
                                            const double normal[3]) {
     const float *flux = grid->flux + (size_t)(channel * grid->flux_terms) * grid->count;
@@ -17585,7 +17584,7 @@ typedef struct spsi_cell_visibility {
     int face;
 } spsi_cell_visibility;
 
-/* Sides that face a surface and may be occluded. */
+/* Mask of sides that face a surface and may be occluded. */
 static int spsi_cell_visibility_near(const spsi_cell_visibility *visibility) {
     const spsi_cell_grid *grid = visibility->grid;
     const double *point = visibility->surface->point, *start = visibility->surface->start;
@@ -17606,8 +17605,8 @@ static int spsi_cell_visibility_near(const spsi_cell_visibility *visibility) {
     return near_sides;
 }
 
-/* Rays end next to outermost cells' centres: links handle occlusion behind. Ends are staggered: shadow edges parallel
-   to a side pass one by one. */
+/* Rays end beside the outermost cells' centres: links handle occlusion beyond. Staggered ends meet shadow edges
+   parallel to a side one by one. */
 static void spsi_cell_visibility_ray(const spsi_cell_visibility *visibility, int patch, int number, double toward[3]) {
     static const int reversed[SPSI_CELL_PATCHES] = {0, 4, 2, 6, 1, 5, 3, 7};
     const spsi_cell_grid *grid = visibility->grid;
@@ -17625,7 +17624,7 @@ static void spsi_cell_visibility_ray(const spsi_cell_visibility *visibility, int
     }
 }
 
-/* Returns which patches of the mask are occluded. */
+/* Returns the occluded patches of the mask. */
 static uint64_t spsi_cell_visibility_trace(const spsi_cell_visibility *visibility, int side, uint64_t patches,
                                            int number) {
     uint64_t hidden = 0;
@@ -17655,13 +17654,13 @@ static uint64_t spsi_cell_visibility_trace(const spsi_cell_visibility *visibilit
 
 /* Dilates a bit mask by one patch. */
 static uint64_t spsi_cell_patches_about(uint64_t patches) {
-    const uint64_t first = (uint64_t)0x01010101 << 32 | 0x01010101; /* the first of each row */
+    const uint64_t first = (uint64_t)0x01010101 << 32 | 0x01010101; /* first patch of each row */
     const uint64_t row = patches | (patches << 1 & ~first) | (patches & ~first) >> 1;
     return row | row << SPSI_CELL_PATCHES | row >> SPSI_CELL_PATCHES;
 }
 
-/* Visible fractions: one ray per patch, four at shadow edges. Returns 0 if all patches are visible. All surfaces use
-   the same rays: shadows have fine steps, not noise. */
+/* Visible fractions: one ray per patch, four at shadow edges. Returns 0 if all are 1. Equal ray ends for all surfaces
+   give fine steps, not noise. */
 static int spsi_cells_visibility(const spsi_cell_visibility *visibility, float open[SPSI_CELL_SHEET]) {
     const int near_sides = spsi_cell_visibility_near(visibility);
     int some = 0;
@@ -17682,11 +17681,11 @@ static int spsi_cells_visibility(const spsi_cell_visibility *visibility, float o
 
 typedef struct spsi_cell_sender {
     const spsi_cell_grid *grid;
-    const float *sent; /* the first channel's */
+    const float *sent; /* flux of the first channel */
     int channel, count, axis, along[2];
     float thick[3];   /* per channel: the grid's mean extinction */
     double extent[3]; /* the grid's */
-    spsi_v at[3], normal[3]; /* the surface's; `at`: from the grid's corner */
+    spsi_v at[3], normal[3]; /* surface; `at`: relative to the grid's corner */
 } spsi_cell_sender;
 
 static spsi_v spsi_cell_patches_sum(const float *terms, const spsi_v harmonic[SPSI_CELL_TERMS]) {
@@ -17695,9 +17694,10 @@ static spsi_v spsi_cell_patches_sum(const float *terms, const spsi_v harmonic[SP
     return sum;
 }
 
-/* Phase function over isotropic. A nearby light's is the mean of two places, weighted by irradiance. Delta-M counts the
-   peak twice: straight on, and in the lobe's core, phase[1], f (1-g^2)^2/(1+g^2) times the lobe. The core keeps the
-   mean of exp(-(1/k - 1) t) on a path of scaled depth t. Lobes sharper than g = 0.85 would reveal parts. */
+/* Phase function relative to isotropic; for a nearby light, the mean at two points, weighted by irradiance. Delta-M
+   counts the peak twice: as transmitted, and in phase[1], the lobe's core. The core's fraction is f (1-g^2)^2/(1+g^2)
+   times the lobe. It is scaled by the mean of exp(-(1/k - 1) t) on a path of scaled depth t. Lobes sharper than g =
+   0.85 would reveal parts. */
 static void spsi_cell_patches_phase(const spsi_cell_grid *grid, const spsi_cell_light *light,
                                     const spsi_material *material, const spsi_v place[3], const spsi_v ahead[3],
                                     spsi_v through, spsi_v phase[2]) {
@@ -17726,8 +17726,8 @@ static void spsi_cell_patches_phase(const spsi_cell_grid *grid, const spsi_cell_
     for (int i = 0; i < 2; ++i) phase[i] = spsi_div(phase[i], all);
 }
 
-/* Irradiance by patch parts, centred `off` the patch's centre. Form factors of discs, to second order: cosine cosine'
-   area/(pi distance^2 + area (3u^2 - 2)); u: cosine at the side. Nearby, (3u^2 - 2) grows to 1. Light originates at
+/* Adds irradiance from patch parts, `off` from the patch's centre. Second-order form factors of discs: cosine u
+   area/(pi distance^2 + area (3u^2 - 2)); u: cosine at the side. Nearby, (3u^2 - 2) tends to 1. Light originates at
    SPSI_CELL_AIM of its path, not on the side: bright regions stay in place. */
 static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *sent, const spsi_v way[3],
                                    const spsi_v off[2], spsi_v area, spsi_v sums[3]) {
@@ -17756,7 +17756,7 @@ static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *se
             spsi_cell_patches_phase(from->grid, &from->grid->lights[i / peaks], &from->grid->peaks[m], place, ahead,
                                     through, phase[i + m]);
     SPSI_ROLLED for (int c = 0; c < from->count; ++c, sent += (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET) {
-        const spsi_m takes = spsi_less(spsi_load(sent), zero); /* the medium takes ambient light */
+        const spsi_m takes = spsi_less(spsi_load(sent), zero); /* the medium removes ambient light */
         const spsi_v depth = spsi_mul(through, spsi_set(from->thick[c]));
         spsi_v sum = spsi_cell_patches_sum(sent + SPSI_CELL_SHEET, harmonic);
         sum = spsi_select(takes, spsi_min(sum, zero), spsi_max(sum, zero));
@@ -17773,10 +17773,10 @@ static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *se
 typedef struct spsi_cell_receiver {
     const double *point, *normal; /* unit vector */
     const float *open;            /* visible fraction per patch; NULL: 1 */
-    int parts;                    /* most parts along a patch's edge */
+    int parts;                    /* maximum parts along a patch's edge */
 } spsi_cell_receiver;
 
-/* Returns the visible fraction. */
+/* Irradiance from patches. Returns its visible fraction. */
 static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, int count,
                                             const spsi_cell_receiver *to, double irradiance[3]) {
     const spsi_v zero = spsi_set(0);
@@ -17798,7 +17798,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
         beyond = outward * (at[axis] - end);
         if (!(beyond > 0)) continue;
         from.along[0] = axis == 0 ? 1 : 0, from.along[1] = axis == 2 ? 1 : 2;
-        for (int k = 0; k < 2; ++k) { /* distance along the side */
+        for (int k = 0; k < 2; ++k) { /* tangential distance */
             const float *own = patch + from.along[k] * SPSI_CELL_SHEET, *width = patch + (4 + k) * SPSI_CELL_SHEET;
             const int last = k ? SPSI_LANES - 1 : spsi_imin(SPSI_LANES, SPSI_CELL_PATCHES) - 1;
             const double begin = (double)(own[0] - 0.5f * width[0]) - at[from.along[k]];
@@ -17806,7 +17806,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
             square += off > 0 ? off * off : 0;
             nearest = spsi_dmax(nearest, 0.18 * from.extent[from.along[k]] / to->parts);
         }
-        for (int k = 0; k < 2; ++k) /* at least a part's width in front of the side */
+        for (int k = 0; k < 2; ++k) /* keep at least a part's width in front */
             nearest += spsi_dmin(spsi_dmin(at[from.along[k]], from.extent[from.along[k]] - at[from.along[k]]), 0);
         at[axis] = end + outward * spsi_dmax(beyond, nearest);
         square += (at[axis] - end) * (at[axis] - end);
@@ -17832,7 +17832,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
         }
     }
     SPSI_ROLLED for (int c = 0; c < count; ++c) seen += irradiance[c] = spsi_total(all[c]);
-    sum = spsi_total(whole); /* both negative where the medium takes ambient light */
+    sum = spsi_total(whole); /* both negative where the medium removes ambient light */
     return fabs(sum) > 0 ? spsi_dmax(0, spsi_dmin(seen / sum, 1)) : 1;
 }
 
@@ -17846,21 +17846,21 @@ static double spsi_cells_distance(const spsi_cell_grid *grid, const double point
     return sqrt(square);
 }
 
-/* Weight of patches: fades to moments in cells within a sixth of a patch's width. */
+/* Weight of patches: within a sixth of a patch's width, they fade to the cells' moments. */
 static double spsi_cells_outside(const spsi_cell_grid *grid, const double point[3]) {
     const int longest = spsi_imax(grid->size[0], spsi_imax(grid->size[1], grid->size[2]));
     return spsi_dmin(6 * SPSI_CELL_PATCHES * spsi_cells_distance(grid, point) / (grid->edge * longest), 1);
 }
 
-/* Position in grid->lights, or light_count. */
+/* Index in grid->lights, or light_count. */
 static int spsi_cells_light_of(const spsi_cell_grid *grid, int index) {
     int i = 0;
     while (i < grid->light_count && grid->lights[i].index != index) ++i;
     return i;
 }
 
-/* Scale of extinction between a light and a surface, or the eye (`point`: NULL). Outside all grids, 1 for the patches'
-   phase functions, peaks included. */
+/* Extinction scale between a light and a surface, or the eye (`point`: NULL). Outside all grids, it tends to 1:
+   patches' phase functions include the peak. */
 static double spsi_cells_scale_at(const spsi_cell_grid *grids, int count, int c, int index, const double *point) {
     const double scale = count > 0 ? (double)grids->scale[spsi_imin(c, grids->channels - 1)] : 1;
     const int light = count > 0 ? spsi_cells_light_of(grids, index) : 0;
@@ -17869,7 +17869,7 @@ static double spsi_cells_scale_at(const spsi_cell_grid *grids, int count, int c,
     return scale + (outside > 0 ? (1 - scale) * (double)grids->lights[light].weight * outside : 0);
 }
 
-/* Occlusion of patches scales the cells' part, too. */
+/* Irradiance from cells and patches; occlusion of patches scales both. */
 static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int count, const spsi_cell_receiver *to,
                                   double irradiance[3]) {
     const double outside = spsi_cells_outside(grid, to->point);
@@ -17895,21 +17895,21 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
 }
 
 /* ============================================================================================== >>flights
-   30 First flights: unscattered light of small, bright sources, which a sweep in few directions would draw as stars.
+   30 First flights: unscattered light from small, bright sources, which sweeps in few directions would draw as stars.
    Emitters form a tree. A receiver opens nodes until each subtends a small angle, and sums I E(direction) T(path) /
-   distance^2. I is radiance times area; T is marched through mip levels of the cells' extinction. E, the escape from a
-   node's own medium, is marched when the tree is built. Cells then solve for the scattered rest: a first-collision
-   source. Cost: about 10 nodes of 10 to 30 steps per vector of cells; per point of a polygon, also a few rays. [Lathrop
-   1968] */
+   distance^2. I is radiance times area. T is transmittance, marched through mip levels of the cells' extinction. E, the
+   escape from a node's own medium, is marched when the tree is built. Cells then solve for scattering of this
+   first-collision source. Cost: about 10 nodes of 10 to 30 steps per vector of cells, plus a few rays per polygon
+   point. [Lathrop 1968] */
 
-#define SPSI_EMITTERS_MOST 32768 /* most emitting voxels; beyond, blocks of 2^3, 4^3 or 8^3 merge */
-#define SPSI_EMITTERS_EACH 4096  /* most emitting particles of a set; beyond, each block of cells merges */
-#define SPSI_EMITTER_BLOCKS 26   /* most along a grid's edge: sums fit in the nodes of so many particles */
-#define SPSI_FLIGHT_NODES  64    /* most per tree and receiver */
-#define SPSI_FLIGHT_BLOCK  4     /* cells along an edge of a cube with one list of nodes */
-#define SPSI_FLIGHT_STEP   0.15f /* step per distance from the nearer end; at least a cell's edge */
+#define SPSI_EMITTERS_MOST 32768 /* maximum emitting voxels; beyond, blocks of 2^3, 4^3 or 8^3 merge */
+#define SPSI_EMITTERS_EACH 4096  /* maximum emitting particles of a set; beyond, they merge per block of cells */
+#define SPSI_EMITTER_BLOCKS 26   /* maximum along a grid's edge: block sums fit in that many particles' nodes */
+#define SPSI_FLIGHT_NODES  64    /* maximum per tree and receiver */
+#define SPSI_FLIGHT_BLOCK  4     /* edge in cells of cubes with one list of nodes */
+#define SPSI_FLIGHT_STEP   0.15f /* step relative to the nearer end's distance; at least a cell's edge */
 
-/* True if a light may be too narrow for cells; a cone of 0.8 radians is, close to a polygon. */
+/* True if a light's cone may be too narrow for cells: up to 0.8 radians, close to a polygon. */
 static int spsi_light_has_beam(const spsi_light *light) {
     return light->is_point && light->cone.exists && !light->extent.exists && light->cone.none < 0.3;
 }
@@ -17920,12 +17920,12 @@ static int spsi_flies_to_cells(const spsi_frame *frame) {
     return frame->matter.scatters && some;
 }
 
-/* True if first flights reach cells, or polygons from emission. */
+/* True if first flights reach cells, or go from emission to polygons. */
 static int spsi_cells_fly(const spsi_frame *frame) {
     return spsi_flies_to_cells(frame) || (frame->meshes.count > 0 && frame->matter.emits);
 }
 
-/* Upper bound of cells that become emitters. */
+/* Maximum number of cells that become emitters. */
 static size_t spsi_emitting_cells(const spsi_frame *frame) {
     const size_t side = (size_t)frame->view.scattering_resolution;
     int some = frame->matter.emits;
@@ -17948,31 +17948,31 @@ static int spsi_cell_containing(const spsi_cell_grid *grid, const double point[3
     return inside;
 }
 
-/* Escape probability of a uniform emitting sphere of optical radius x. */
+/* Escape probability from a uniformly emitting sphere of optical radius x. */
 static double spsi_sphere_escape(double x) {
     const double half = 0.5 / spsi_dmax(x * x, DBL_MIN);
     return x > 0.01 ? 0.75 / x * (1 - half + (1 / x + half) * exp(-2 * x)) : 1 - 0.75 * x;
 }
 
-/* Pyramid of extinction. 0: all media; 1 + m: material m. */
+/* Extinction pyramid. 0: all media; 1 + m: material m. */
 static float *spsi_cell_mips(const spsi_cell_grid *grid, int number) {
     return grid->pyramid + (size_t)number * grid->pyramid_rows * (size_t)grid->pitch;
 }
 
-/* Distance within which an emitter accounts for absorption itself. */
+/* Distance within which the emitter itself accounts for absorption. */
 static float spsi_emitter_reach(const spsi_emitter *emitter) {
     return emitter->clear > 0 ? emitter->clear : 0.75f * emitter->radius + emitter->ahead;
 }
 
-/* Centre's distance u less the mean path from a sphere, in radii, weighted by 1 / length^2. 1/2 within, 2/3 at the
-   rim. */
+/* Distance u to a sphere's centre minus the mean path to its points (weight 1 / length^2), in radii. That path is 1/2
+   within, 2/3 at the rim. */
 static spsi_v spsi_sphere_nearer(spsi_v u) {
     const spsi_v part = spsi_div(spsi_set(1), u), third = spsi_set(2.0f / 15), fifth = spsi_set(0.2f);
     return spsi_min(spsi_mul(part, spsi_fma(spsi_mul(part, part), third, fifth)), spsi_add(u, spsi_set(-0.5f)));
 }
 
-/* Self-absorption in the cells around an emitter: mean of six points sqrt(0.6) radii out, exact to degree 2. Six
-   farther points tell how much of the medium ends at the sphere. */
+/* An emitter's self-absorption in cells: mean over six points sqrt(0.6) radii out, exact to degree 2. Six points twice
+   as far show how much of the medium ends at the sphere. */
 static void spsi_emitter_hide(const spsi_flights *flights, const double point[3], spsi_emitter *emitter) {
     for (int g = 0; g < flights->grid_count; ++g) {
         const spsi_cell_grid *grid = &flights->grids[g];
@@ -17995,8 +17995,8 @@ static void spsi_emitter_hide(const spsi_flights *flights, const double point[3]
     }
 }
 
-/* Self-absorption of a sphere of material m and optical radius `own`. Cells spread its medium by two edges; the march
-   leaves that out. Light leaves 0.2 radii before the centre per optical depth, at most 2/3. */
+/* Self-absorption of a sphere of material m and optical radius `own`. Cells spread its medium by two edges; marches
+   leave it out. Light starts 0.2 radii in front of the centre per optical depth, at most 2/3. */
 static void spsi_emitter_own_absorption(const spsi_flights *flights, const double point[3], double radius, double own,
                                         int m, spsi_emitter *emitter) {
     emitter->clear = (float)(radius + 2 * flights->grids->edge);
@@ -18011,7 +18011,7 @@ static void spsi_emitter_own_absorption(const spsi_flights *flights, const doubl
     emitter->ahead = (float)(0.6 * radius * own / sqrt(9 + 0.81 * own * own));
 }
 
-/* Adds an emitter of `amount` times the radiance of `like`, unless black. own: optical radius; negative: from the
+/* Adds an emitter of `amount` times the radiance of `like`, unless black. own: optical radius; negative: read from
    cells. */
 static void spsi_emitters_add(spsi_flights *flights, const double point[3], double amount, double own,
                               const spsi_emitter *like, spsi_tree_item *items) {
@@ -18049,7 +18049,7 @@ static int spsi_emitter_blocks(const sps_context *context, const spsi_frame *fra
     }
 }
 
-/* Voxel sums in the volume's grid. */
+/* Sums over voxels, in the volume's grid. */
 typedef struct spsi_emitter_sum {
     double value, place[3], square[3];
 } spsi_emitter_sum;
@@ -18072,8 +18072,8 @@ static void spsi_emitter_sum_brick(const sps_context *context, const spsi_brick 
     }
 }
 
-/* Centre and radius of a uniform sphere of equal spread, kernels included. Returns the mean projected area of the
-   ellipsoid of equal spread, over pi. */
+/* Centre and radius of the uniform sphere of equal variance, voxel kernels included. Returns the corresponding
+   ellipsoid's mean projected area, over pi. */
 static double spsi_emitter_sum_sphere(const spsi_lattice *lattice, const spsi_emitter_sum *sum, double point[3],
                                       spsi_emitter *like) {
     double at[3], square[3];
@@ -18108,9 +18108,9 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
     }
 }
 
-/* Escaping and trapped light of a uniform emitting sphere, for `part` of its emission. A fraction p escapes
-   unscattered. Within 1 % up to an optical radius x of 10. Anisotropic lobes count as isotropic ones of less
-   extinction. Trapped light reaches the eye through the extinction without `peak`. */
+/* Escaping and trapped light of a uniformly emitting sphere, for a fraction `part` of its emission; p escapes
+   unscattered. Accurate to 1 % up to an optical radius x of 10. Anisotropic lobes count as isotropic with less
+   extinction. Trapped light reaches the eye through extinction without `peak`. */
 static void spsi_emitter_trap(const spsi_material *material, double peak, double x, double part, spsi_emitter *like) {
     const double once = spsi_sphere_escape(x);
     for (int c = 0; c < 3; ++c) {
@@ -18127,7 +18127,7 @@ static void spsi_emitter_trap(const spsi_material *material, double peak, double
     }
 }
 
-/* Volume of all particles but the largest, over the uniform sphere of their spread. */
+/* Volume of all particles but the largest, relative to the uniform sphere of equal variance. */
 static double spsi_particles_crowd(const sps_particle *list, int count) {
     double cubes = 0, largest = 0, at[3] = {0, 0, 0}, square = 0;
     for (int n = 0; n < count; ++n) {
@@ -18145,9 +18145,9 @@ static double spsi_particles_crowd(const sps_particle *list, int count) {
     return (cubes - largest) / spsi_dmax(pow(spsi_dmax(5.0 / 3 * square, 0), 1.5), DBL_MIN);
 }
 
-/* Fraction of a set's emission that always flies: cells cannot resolve self-absorption of dense particles. It rises
-   from optical depth 0.5 to 1.5, and is 1 for up to 32 particles, fading until 64. Cells resolve overlapping
-   particles. */
+/* Fraction of a set's emission that first flights always carry: cells cannot resolve dense particles' self-absorption.
+   It rises between optical depths 0.5 and 1.5. It is 1 for up to 32 particles, fading until 64. Overlapping particles,
+   which cells resolve, lower it. */
 static void spsi_particles_fly(const spsi_frame *frame) {
     spsi_content *content = frame->content;
     const double few = spsi_dmax(0, spsi_dmin(2 - (double)content->particle_count / 32, 1));
@@ -18168,8 +18168,8 @@ static void spsi_particles_fly(const spsi_frame *frame) {
     }
 }
 
-/* Fraction of a volume's emission that always flies. It rises up to an optical depth of 0.5 and falls from 6 to 12
-   cells of width. */
+/* Fraction of a volume's emission that first flights always carry. It rises up to an optical depth of 0.5, and falls
+   between widths of 6 and 12 cells. */
 static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, double edge) {
     const spsi_brick *b = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     float top[SPSI_VOLUMES_MAX] = {0};
@@ -18191,8 +18191,8 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
     }
 }
 
-/* Position, radius and optical radius of a uniform sphere. Soft: 0.845 of the radius for equal spread, 0.75 of the
-   depth for equal escape, within 4 % up to 10. Returns volume times extinction. */
+/* Position, radius and optical radius of a particle's uniform sphere. Soft: 0.845 of the radius for equal variance,
+   0.75 of the depth for equal escape (within 4 % up to 10). Returns volume times extinction. */
 static double spsi_emitter_particle(const sps_particle *particle, const spsi_particle_set *set, double point[3],
                                     double *own, spsi_emitter *like) {
     const double depth = spsi_particle_depth(particle, set), radius = (double)particle->radius;
@@ -18202,8 +18202,8 @@ static double spsi_emitter_particle(const sps_particle *particle, const spsi_par
     return (set->soft ? 0.4 : 2.0 / 3) * SPSI_PI * radius * radius * depth;
 }
 
-/* Adds part of many particles' emission: a uniform sphere per block of cells, and each particle's self-absorption. Sums
-   borrow the tree's nodes: value, position, then square, value^2 and depth. */
+/* Adds a fraction of many particles' emission as a uniform sphere per block of cells, with each particle's
+   self-absorption. Sums borrow the tree's nodes; `square` has position^2, value^2 and depth. */
 static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_set *set, const sps_particle *list,
                                      int count, double part, spsi_emitter *like, spsi_tree_item *items) {
     spsi_emitter_sum *sum, *sums = (spsi_emitter_sum *)(void *)flights->nodes;
@@ -18238,7 +18238,7 @@ static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_
     }
 }
 
-/* Adds particles to `flights`, or to the next tree as far as they always fly. */
+/* Adds particles to `flights`, and the fraction that always flies to the next tree. */
 static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *flights,
                                         spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_content *content = frame->content;
@@ -18268,7 +18268,7 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
     }
 }
 
-/* Centre and spread are weighted by power. */
+/* Joins emitters: centre and variance are weighted by power. */
 static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter *sum) {
     double all = 0, at[3] = {0, 0, 0}, square = 0, sent[3] = {0, 0, 0}, axis[3] = {0, 0, 0}, thick = 0;
     sum->own = list[0].own;
@@ -18299,8 +18299,8 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
     if (sum->cut > 0) sum->cut = sum->radius;
 }
 
-/* Adds the part of a volume's emission that always flies as one sphere. Self-absorption is an ellipsoid's mean: at
-   1:3:1 it sends 10 % too little across, 40 % too much along. */
+/* Adds as one sphere the fraction of a volume's emission that always flies. Self-absorption is an ellipsoid's mean: at
+   1:3:1, 10 % too little leaves across the long axis, 40 % too much along. */
 static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_emitter_sum *sum,
                                      spsi_flights *flights, spsi_tree_item *items) {
     const int m = frame->media[lattice->medium].channel;
@@ -18378,7 +18378,7 @@ static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid 
 
 /* --- optical depth along a path --- */
 
-/* Coarser levels follow each other, in rows of equal pitch. Values are optical depth along an edge. */
+/* Coarser levels follow each other, in rows of equal pitch. Values are optical depth along a finest edge. */
 static void spsi_cell_mips_fill(const spsi_cell_grid *grid, float *to) {
     const size_t pitch = (size_t)grid->pitch;
     int size[3] = {grid->size[0], grid->size[1], grid->size[2]};
@@ -18406,7 +18406,7 @@ typedef struct spsi_extinction_mip {
     spsi_v edge, first, rows;
 } spsi_extinction_mip;
 
-/* Coarsest levels of cells up to `width`, or the finest. */
+/* Coarsest level with cells up to `width`, or the finest. */
 static spsi_extinction_mip spsi_extinction_mip_of(const spsi_cell_grid *grid, spsi_v width) {
     spsi_extinction_mip level = {spsi_set(1), spsi_set(0), spsi_set((float)grid->size[1])};
     size_t row = 0;
@@ -18443,9 +18443,9 @@ typedef struct spsi_segments {
     spsi_v clear, own;
 } spsi_segments;
 
-/* Steps are a cell's edge near both ends. Farther out, they cross one coarser cell along the dominant axis: thin layers
-   keep their depth. Coarse cells spread an emitter's medium to 1.3 times its radius. Within, its pyramid counts with
-   the value out there: other media. */
+/* Steps are a cell's edge near both ends. Farther out, each crosses one coarser cell along the dominant axis: thin
+   layers keep their depth. Coarse cells spread an emitter's medium to 1.3 times its radius. Nearer, its pyramid is read
+   at that distance, where it contains other media. */
 static spsi_v spsi_segments_depth(const spsi_cell_grid *grid, const spsi_segments *ways) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0), own_end = spsi_mul(ways->clear, spsi_set(1.3f));
     const spsi_v rounded = spsi_set(1.001f);
@@ -18466,7 +18466,7 @@ static spsi_v spsi_segments_depth(const spsi_cell_grid *grid, const spsi_segment
         const spsi_v nearer = spsi_min(at, spsi_sub(ways->length, at)), left = spsi_max(spsi_sub(end, at), zero);
         const spsi_v width = spsi_mul(nearer, spsi_mul(most, spsi_set(SPSI_FLIGHT_STEP)));
         const spsi_extinction_mip level = spsi_extinction_mip_of(grid, width);
-        const spsi_v axis = spsi_div(spsi_fma(at, most, start), level.edge); /* cells; most: 0.57 to 1 */
+        const spsi_v axis = spsi_div(spsi_fma(at, most, start), level.edge); /* cells; `most`: 0.57 to 1 */
         const spsi_v cell = spsi_sub(spsi_floor(spsi_add(axis, rounded)), axis), coarse = spsi_div(level.edge, most);
         const spsi_v taken = spsi_min(spsi_select(spsi_less(one, level.edge), spsi_mul(cell, coarse), one), left);
         const spsi_v middle = spsi_fma(taken, spsi_set(0.5f), at);
@@ -18487,7 +18487,7 @@ static spsi_v spsi_segments_depth(const spsi_cell_grid *grid, const spsi_segment
     return depth;
 }
 
-/* Relative to the trees' centre. */
+/* Segments relative to the trees' centre. */
 typedef struct spsi_flight_segments {
     float from[3][SPSI_LANES], unit[3][SPSI_LANES];
     float length[SPSI_LANES], begin[SPSI_LANES], end[SPSI_LANES], clear[SPSI_LANES], own[SPSI_LANES];
@@ -18518,7 +18518,7 @@ static void spsi_flight_segments_pass(const spsi_flights *flights, const spsi_fl
 
 /* --- tree --- */
 
-/* Direction 0 to 5 along an axis, then four per plane of two axes. */
+/* Directions 0 to 5 lie along axes; then four diagonals per plane of two axes. */
 static void spsi_flight_direction(int number, float unit[3]) {
     memset(unit, 0, 3 * sizeof *unit);
     if (number < 6) {
@@ -18530,12 +18530,12 @@ static void spsi_flight_direction(int number, float unit[3]) {
     }
 }
 
-/* Cells contain an emitter's own medium up to here, or a node's of one pyramid. */
+/* Cells contain the medium of an emitter, or of a node with one pyramid, up to this distance. */
 static float spsi_flight_clear(const spsi_emitter *emitter, const spsi_flight_node *node) {
     return node && emitter->own > 0 ? node->reach : emitter->clear;
 }
 
-/* Adds a child's escaping light. `own`: NULL for an emitter. */
+/* Adds a child's escaping light. `own`: its node; NULL: an emitter. */
 static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *child, const spsi_flight_node *own,
                                spsi_flight_node *node, float leaves[3][SPSI_FLIGHT_SEGMENTS]) {
     for (int first = 0; first < SPSI_FLIGHT_SEGMENTS; first += SPSI_LANES) {
@@ -18567,8 +18567,8 @@ static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *
     }
 }
 
-/* Radius around a node's emission: the parts' 16th power mean, near the maximum but blind to weak parts. Below `edge`,
-   their mean. */
+/* Radius around a node's emission: the 16th power mean over its children, near the maximum but insensitive to weak
+   ones. Below `edge`, their mean. */
 static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_node *const *own, int count, double edge,
                                 const spsi_emitter *sum) {
     double reach[SPSI_TREE_LEAF], weight[SPSI_TREE_LEAF], most = DBL_MIN, mean = 0, each = 0, all = 0;
@@ -18587,7 +18587,7 @@ static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_nod
     return (float)spsi_dmax(most * pow(mean / all, 1.0 / 16), edge);
 }
 
-/* At most SPSI_TREE_STACK deep. */
+/* Recursion depth: at most SPSI_TREE_STACK. */
 static void spsi_flights_sum(const spsi_tree *tree, const spsi_flights *flights, int number) {
     const spsi_tree_node *node = &tree->nodes[number];
     const float edge = (float)flights->grids->edge;
@@ -18644,15 +18644,15 @@ typedef struct spsi_flight_list {
     int count;
 } spsi_flight_list;
 
-/* Positions within `reach` of a place. */
+/* Receivers within `reach` of a place. */
 typedef struct spsi_flight_choice {
     const spsi_flights *flights;
     const double *place;
-    double reach, per_angle; /* 1 / a node's largest angle */
-    int first, most;         /* the list's entries for these flights */
+    double reach, per_angle; /* 1 / a node's maximum angle */
+    int first, most;         /* first entry and maximum count in the list */
 } spsi_flight_choice;
 
-/* True if a node is too wide for some position, or around it. A `scale` below 1 allows wider angles. */
+/* True if a node is too wide for some receiver, or contains it. A `scale` below 1 allows wider angles. */
 static int spsi_flights_opens(const spsi_flight_choice *choice, double scale, const spsi_flight_node *node) {
     const double wide = scale * (double)node->breadth * choice->per_angle, own = (double)node->reach;
     const double least = (scale < 0.25 ? 4 * scale : 1) * (choice->reach + (wide > own ? wide : own));
@@ -18661,7 +18661,7 @@ static int spsi_flights_opens(const spsi_flight_choice *choice, double scale, co
     return spsi_dot(toward, toward) < least * least;
 }
 
-/* Returns 0 if the list would get too long. */
+/* Opens wide nodes. Returns 0 if the list would get too long. */
 static int spsi_flights_open(const spsi_flight_choice *choice, double scale, spsi_flight_list *list) {
     const spsi_flights *flights = choice->flights;
     for (int i = choice->first; i < list->count;) {
@@ -18680,7 +18680,7 @@ static int spsi_flights_open(const spsi_flight_choice *choice, double scale, sps
     return 1;
 }
 
-/* Lists nodes that subtend at most `angle` for all positions within `reach`; at most `most`, the widest opened
+/* Lists at most `most` nodes, each subtending at most `angle` for all receivers within `reach`. The widest are opened
    first. */
 static void spsi_flights_choose(const spsi_flights *flights, const double place[3], double reach, double angle,
                                 int most, spsi_flight_list *list) {
@@ -18697,8 +18697,8 @@ static void spsi_flights_choose(const spsi_flights *flights, const double place[
 }
 
 /* Fraction T of light that escapes a node's medium: a polynomial of degree 4 in the cosines, through the marched
-   directions. An emitter's light has lost that already. `part` of the medium passes about T^part: the mean of T / (T +
-   part (1 - T)) and 1 - part (1 - T). */
+   directions. An emitter's `sent` already includes it. `part` of the medium transmits about T^part: the mean of T / (T
+   + part (1 - T)) and 1 - part (1 - T). */
 static spsi_v spsi_flight_leaves(const spsi_flight *flight, int channel, const spsi_v unit[3], spsi_v part) {
     const spsi_flight_node *node = flight->node;
     const spsi_v one = spsi_set(1);
@@ -18726,8 +18726,8 @@ static spsi_v spsi_flight_leaves(const spsi_flight *flight, int channel, const s
     return node ? low : spsi_div(low, sum);
 }
 
-/* Fraction of its own medium between a node and a receiver: 1 far away, less within, by spsi_sphere_nearer. Where it
-   ends at the sphere, paths grow from 0.5 radii to 0.75. */
+/* Fraction of a node's own medium between it and a receiver: 1 far away, less within (spsi_sphere_nearer). If the
+   medium ends at the sphere, paths grow from 0.5 radii at the centre to 0.75. */
 static spsi_v spsi_flight_part(const spsi_flight *flight, spsi_v length) {
     const float known = flight->node ? flight->node->reach : 0;
     const float radius = spsi_fmax(spsi_fmax(flight->emitter->radius, 1e-3f * known), FLT_MIN);
@@ -18738,7 +18738,7 @@ static spsi_v spsi_flight_part(const spsi_flight *flight, spsi_v length) {
     return spsi_mul(spsi_sub(spsi_min(u, spsi_set(own)), spsi_sphere_nearer(u)), spsi_set(1 / own));
 }
 
-/* Distance from the centre where the march begins; it crosses other media within a particle. */
+/* Distance from the centre where the march begins. It also crosses other media within a particle. */
 static spsi_v spsi_flight_begin(const spsi_flight *flight, spsi_v length) {
     const spsi_emitter *emitter = flight->emitter;
     const spsi_v radius = spsi_set(spsi_fmax(emitter->radius, FLT_MIN)), u = spsi_div(length, radius);
@@ -18753,11 +18753,11 @@ static spsi_v spsi_flight_begin(const spsi_flight *flight, spsi_v length) {
 typedef struct spsi_flight_place {
     const spsi_frame *frame;
     const spsi_faces *faces;              /* NULL: no occluders */
-    const double *point, *start, *normal; /* start: of rays; normal: unit vector; NULL: a cell */
-    int face; /* face of the point; -1: in a cell, which takes only light for cells */
+    const double *point, *start, *normal; /* start: ray origin; normal: unit vector; NULL: a cell */
+    int face; /* face of the point; -1: in a cell, which only receives light for cells */
 } spsi_flight_place;
 
-/* Moves a point of a unit sphere against `away`, a unit vector from the receiver: denser spheres emit nearer the rim.
+/* Moves a point in a unit sphere towards the receiver, against unit vector `away`: denser spheres emit nearer the rim.
    Returns its chord's weight. */
 static double spsi_sphere_rim(double thick, const double away[3], double place[3]) {
     const double along = spsi_dot(place, away), aside = spsi_dot(place, place) - along * along;
@@ -18766,8 +18766,8 @@ static double spsi_sphere_rim(double thick, const double away[3], double place[3
     return 1 + dense * (2.0 / 3 / half - 1);
 }
 
-/* Spheres of radius `cut` that polygons may cut take 16 points, stratified per axis. They are weighted by their light
-   at the receiver: a cell, or a surface below the sphere. */
+/* Transmittance of polygons. Spheres that they may cut, of radius `cut`, get 16 points, stratified per axis. Points are
+   weighted by light at the receiver: a cell, or a surface below the sphere. */
 static void spsi_flights_unblocked(const spsi_flight_place *place, int lanes, double origin[SPSI_LANES][3],
                                    double toward[SPSI_LANES][3], const float cut[SPSI_LANES],
                                    const float thick[SPSI_LANES], spsi_v passes[3]) {
@@ -18814,17 +18814,17 @@ typedef struct spsi_flight_job {
     const spsi_faces *faces;
     const spsi_cell_grid *grid;
     int tree_count;
-    int coarse;             /* largest angle of a node, relative to a polygon's */
+    int coarse;             /* maximum node angle, relative to polygons' */
     const float *scattered; /* see spsi_cell_job */
     float *emitted;
 } spsi_flight_job;
 
-/* Four cells along x, the others along y. */
+/* A vector of cells: four along x, the rest along y. */
 typedef struct spsi_flight_cells {
     int at[3], lanes; /* first cell; bit mask of cells that contain a medium */
     spsi_v centre[3], depth, sum[3][SPSI_CELL_TERMS];
-    spsi_v gas;                /* emitters' own, weighted by 1 / distance^2, up to two edges beyond their rims */
-    spsi_v own[3], trapped[3]; /* times `gas`: light by first flights, and all light within */
+    spsi_v gas;                /* emitters' medium, weighted by 1 / distance^2, up to two edges beyond rims */
+    spsi_v own[3], trapped[3]; /* times `gas`: first-flight light, and all light within */
 } spsi_flight_cells;
 
 #define SPSI_FLIGHT_ALONG spsi_imin(SPSI_LANES, SPSI_FLIGHT_BLOCK)
@@ -18850,8 +18850,8 @@ static void spsi_flight_cells_build(const spsi_flight_job *job, const int first[
     cells->depth = spsi_load(lanes[3]);
 }
 
-/* Rays end at a node's centre, or in front of convex polygons. A cap of mean normal a and spread r has its centre 0.55
-   r sqrt(1 - |a|) below its top. At a cube's edge it is twice that. */
+/* Rays end at a node's centre, or in front of convex polygons. A cap of mean normal a and radius r has its centroid
+   0.55 r sqrt(1 - |a|) below its top. At a cube's edge it is twice that. */
 static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_flight_cells *cells,
                                         const spsi_emitter *node, spsi_v passes[3]) {
     const spsi_flight_place place = {job->frame, job->faces, NULL, NULL, NULL, -1};
@@ -18870,8 +18870,8 @@ static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_f
     spsi_flights_unblocked(&place, cells->lanes, origin, toward, cut, thick, passes);
 }
 
-/* Inverse mean of 1 / distance^2 between a cell of edge 1 and a uniform sphere, from d^2 and r^2. To second order d^2 -
-   r^2 / 5 - 1 / 12; within, from r^2 / 3 on; at the cell's centre 0.13. */
+/* Inverse of the mean 1 / distance^2 between a cell of edge 1 and a uniform sphere, given d^2 and r^2. To second order,
+   it is d^2 - r^2 / 5 - 1 / 12. Within, it grows from r^2 / 3 + 0.13 at its centre. */
 static spsi_v spsi_sphere_square(spsi_v square, spsi_v radius) {
     const spsi_v u = spsi_max(spsi_div(square, spsi_max(radius, spsi_set(FLT_MIN))), spsi_set(0.1f));
     const spsi_v most = spsi_min(u, spsi_set(1)), cube = spsi_mul(u, spsi_mul(u, u));
@@ -18881,8 +18881,8 @@ static spsi_v spsi_sphere_square(spsi_v square, spsi_v radius) {
     return spsi_max(spsi_sub(square, rim), within);
 }
 
-/* Net flux is 1 / distance^2, within a sphere from the inner part alone [Newton's shells]. Its ratio to the fluence is
-   a lobe's mean cosine. */
+/* Net flux is 1 / distance^2; within a sphere, only the inner part sends any [Newton's shells]. Flux over fluence is
+   the light's mean cosine. */
 static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight *flight, float fraction, int blocked,
                                   spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
@@ -19013,15 +19013,15 @@ static void spsi_flights_light_task(void *data, int index) {
     for (; first[0] < size[0]; first[0] += SPSI_FLIGHT_BLOCK) spsi_flights_light_cube(job, first);
 }
 
-/* Radiance of a node towards a point, over its mean. */
+/* Radiance of a node towards a point, relative to its mean. */
 static double spsi_emitter_lobe(const spsi_emitter *node, const double toward[3], double distance) {
     const double axis[3] = {(double)node->axis[0], (double)node->axis[1], (double)node->axis[2]};
     return 1 - spsi_length(axis) + 4 * spsi_dmax(-spsi_dot(axis, toward) / spsi_dmax(distance, DBL_MIN), 0);
 }
 
-/* Irradiance by a uniform sphere of power 1, `height` above the surface's plane. Only the part above counts: polygons
-   may cut it. The integral about the centre's direction is closed-form; spheres wholly above act as points [Newton's
-   shells]. `thick`: optical radius; 0: thin. */
+/* Irradiance from a uniform sphere of power 1, its centre `height` above the surface's plane. Only the part above
+   counts: polygons may cut it. The integral around the centre's direction is closed-form; spheres wholly above act as
+   points [Newton's shells]. `thick`: optical radius; 0: thin. */
 static double spsi_sphere_lights(double distance, double height, double radius, double thick) {
     const int steps = 32;
     const double far_off = distance / spsi_dmax(radius, 1e-60), away = spsi_dmax(distance, 1e-60);
@@ -19041,8 +19041,8 @@ static double spsi_sphere_lights(double distance, double height, double radius, 
     return 1.5 / SPSI_PI * sum * (1 - low) / steps / (radius * radius) / spsi_sphere_escape(thick);
 }
 
-/* Adds a fraction of the irradiance by SPSI_LANES nodes, from n. If the plane cuts a sphere, rays go to the middle of
-   the part above. */
+/* Adds a fraction of the irradiance from SPSI_LANES nodes, starting at n. If the plane cuts a sphere, rays go to the
+   middle of the part above. */
 static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights, float fraction,
                                        const spsi_flight_list *list, int n, double irradiance[3], double *nearest) {
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3], share[SPSI_LANES];
@@ -19062,7 +19062,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
         *nearest = spsi_dmin(*nearest, spsi_dmax(distance, (double)node->radius));
         double height = spsi_dot(toward[i], place->normal);
         double raise = 0.5 * spsi_dmax((double)node->radius - fabs(height), 0) + spsi_dmax(-height, 0);
-        cut[i] = fabs(height) < (double)node->radius ? 0 : node->cut; /* its own plane is known */
+        cut[i] = fabs(height) < (double)node->radius ? 0 : node->cut; /* own plane: handled exactly */
         thick[i] = node->thick;
         share[i] = spsi_sphere_lights(distance, height, (double)node->radius, (double)node->thick);
         share[i] *= spsi_emitter_lobe(node, toward[i], distance);
@@ -19088,7 +19088,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
                 const spsi_flight *flight = &list->entry[n + i];
                 const spsi_v unit[3] = {spsi_set(ways.unit[0][i]), spsi_set(ways.unit[1][i]),
                                         spsi_set(ways.unit[2][i])};
-                const int exact = thick[i] > 0 && !flight->node; /* its escape counts already */
+                const int exact = thick[i] > 0 && !flight->node; /* its escape is included already */
                 const spsi_v length = spsi_set(ways.length[i]);
                 const spsi_v part = exact ? spsi_set(1) : spsi_flight_part(flight, length);
                 const float own = spsi_one(spsi_flight_leaves(flight, c, unit, part));
@@ -19098,8 +19098,8 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     }
 }
 
-/* Nodes are wider where light is also swept, and for cells' polygons. Returns the distance of the nearest node, or its
-   radius. */
+/* Nodes are wider if their light is also swept, and for polygons in cells. Returns the nearest node's distance, at
+   least its radius. */
 static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi_flights trees[SPSI_FLIGHT_TREES],
                                       double irradiance[3]) {
     double nearest = HUGE_VAL;
@@ -19117,25 +19117,25 @@ static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi
 }
 
 /* ============================================================================================== >>shading
-   31 Radiance of slabs and surfaces towards the eye. Fraction x of a ray's path through a slab, in the light's order,
-   has optical depth A0 + x (A1 - A0) from the light. To the eye it has x t front to back, or (1 - x) t. Both are
-   linear, so the slab sends c t spsi_mean_transmittance(..) in either order. A polygon towards the light ends the range
-   of x; one towards the eye cuts the slab (>>splat).
-   Transfer functions are not linear: classified volumes have SPSI_SUBSLABS parts per slab, from the parabola through
+   31 Radiance of slabs and surfaces towards the eye. Optical depth from the light is A0 + x (A1 - A0) at fraction x of
+   a ray's path through a slab. x rises in the light's order. To the eye it is x t front to back, or (1 - x) t. Both are
+   linear, so the slab sends c t spsi_mean_transmittance(..) in either order. A polygon's shadow ends the range of x; a
+   polygon on the ray cuts the slab (>>splat).
+   Transfer functions are not linear: classified volumes have SPSI_SUBSLABS parts per slab, from a parabola through
    three slabs. There x is a fraction of optical depth. */
 
 /* One light at the current slab. */
 typedef struct spsi_arrival {
-    /* optical depth from the light to the ends of the ray's path, and where slabs meet */
+    /* optical depth from the light at the path's ends and where slabs meet */
     spsi_v light[SPSI_GROUP_MOST + 1];
     int plane;              /* last plane looked up; -1: none */
-    spsi_v plane_light;     /* optical depth there */
+    spsi_v plane_light;     /* optical depth at that plane */
     spsi_row_linears linears;  /* arguments of spsi_shadow_lookup */
-    spsi_v lit[SPSI_SUBSLABS]; /* lit fraction of each part by polygons; undivided: lit[0] */
+    spsi_v lit[SPSI_SUBSLABS]; /* fraction of each part outside polygons' shadows; undivided: lit[0] */
 } spsi_arrival;
 
 /* Multiple forward scattering depends on the whole medium between light and eye. Back to front, a first pass measures
-   it, and this radiance is kept apart: the medium in front counts already. */
+   it, and this radiance is summed apart: it includes the medium in front. */
 typedef struct spsi_multiple {
     int measures;       /* 1: the first pass */
     float *gas;         /* per pixel: optical depth so far; NULL: front to back */
@@ -19214,9 +19214,9 @@ typedef struct spsi_sample {
     int has_normal;
 } spsi_sample;
 
-#define SPSI_VECTOR_ALIGNMENT 64 /* widest vectors */
+#define SPSI_VECTOR_ALIGNMENT 64 /* widest vectors, in bytes */
 
-/* Structs per worker, too large for the stacks of some job systems. Returns NULL on failure. */
+/* Structs per worker, too large for some job systems' stacks. Returns NULL on failure. */
 SPSI_COLD void *spsi_vectors_reserve(sps_context *context, spsi_buffer_id id, int count, size_t size) {
     size_t bytes = SPSI_VECTOR_ALIGNMENT;
     char *memory;
@@ -19270,10 +19270,10 @@ static inline size_t spsi_tile_at(const spsi_tile *tile, const spsi_pixels *p, i
    parts, in the light's order. */
 typedef struct spsi_slab {
     int k, group, part_count, material_count;
-    int open;                      /* bit mask of rays */
+    int open;                      /* bit mask of unfinished rays */
     spsi_sample *samples;          /* material_count per part */
     spsi_v enter, leave;           /* depths along the ray */
-    spsi_v first, last;            /* crossed range, as fractions in the light's order */
+    spsi_v first, last;            /* crossed range as slab fractions, in the light's order */
     spsi_arrival *arrivals;        /* one per shadow */
     spsi_v depth;                  /* total optical depth */
     spsi_v part_depth[SPSI_SUBSLABS];
@@ -19288,13 +19288,13 @@ typedef struct spsi_subslab {
     spsi_v ends[2];     /* depths in the light's order, bit-identical to neighbours' */
     spsi_v depth;       /* optical depth */
     spsi_v first, last; /* range, as fractions of the slab's optical depth */
-    int number;         /* position in the light's order */
+    int number;         /* index in the light's order */
     int is_cut;         /* 1: cut by a layer to the fractions `cut` */
     spsi_v cut[2];
     spsi_v before, after; /* optical depth from the eye to both ends, in the light's order */
 } spsi_subslab;
 
-/* Mean visible depth of a classified volume in a slab. Returns the bit mask of rays that see any. */
+/* Mean depth at which rays see a classified volume in a slab. Returns the mask of rays that see it. */
 static int spsi_slab_seen(const spsi_shader *shader, const spsi_slab *slab, int channel, spsi_v *depth) {
     const int backwards = shader->sweep->back_to_front;
     const spsi_v way = spsi_sub(slab->leave, slab->enter), zero = spsi_set(0);
@@ -19316,7 +19316,7 @@ static int spsi_slab_seen(const spsi_shader *shader, const spsi_slab *slab, int 
 static void spsi_samples_gradient(const spsi_shader *shader, const spsi_sampler *t, const spsi_pixels *p, int channel,
                                   spsi_slab *slab) {
     const spsi_material *material = &shader->frame->matter.materials[channel];
-    const float unit = material->table_scale / SPSI_TABLE_SIZE; /* relative to the largest value: finite squares */
+    const float unit = material->table_scale / SPSI_TABLE_SIZE; /* relative to the largest value: squares stay finite */
     spsi_v depth, place[3], g[3], size, surface;
     int lanes = spsi_slab_seen(shader, slab, channel, &depth);
     if (!lanes) return;
@@ -19378,7 +19378,8 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         spsi_samples_gradient(shader, &target->samplers[material->medium], p, channel, slab);
 }
 
-/* Blinn-Phong highlight (n + 8) / (8 pi) (n.h)^n, about normalised: at normal incidence up to 7.5 % more, for n = 9. */
+/* Blinn-Phong highlight (n + 8) / (8 pi) (n.h)^n, nearly normalised: at most 7.5 % too bright at normal incidence, for
+   n = 9. */
 static spsi_v spsi_highlight(spsi_v cosine, float exponent) {
     float lanes[SPSI_LANES];
     spsi_store(lanes, cosine);
@@ -19426,9 +19427,9 @@ static inline spsi_v spsi_angle(spsi_v x, spsi_v y) {
     return spsi_select(spsi_less(x, spsi_set(0)), spsi_sub(spsi_set((float)SPSI_PI), p), p);
 }
 
-/* Mean of 1 / r^2 from a point to a segment of length 2 h. It is the segment's angle, over 2 h and the ray's distance
-   q. With s from the ray's nearest point to the middle, this is the angle of (q^2 + s^2 - h^2, 2 h q). Small angles use
-   a series, without division by q. */
+/* Mean of 1 / r^2 from a point to a segment of length 2 h: the angle it subtends, over 2 h q. q: the ray's distance; s:
+   from its nearest point to the middle. The angle is that of (q^2 + s^2 - h^2, 2 h q). Small angles use a series,
+   without division by q. */
 static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
     const spsi_v x = spsi_fma(q, q, spsi_mul(spsi_sub(s, h), spsi_add(s, h)));
     const spsi_v y = spsi_max(spsi_mul(spsi_mul(h, q), spsi_set(2)), spsi_set(FLT_MIN * 16));
@@ -19439,8 +19440,8 @@ static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
     return spsi_select(narrow, series, spsi_div(spsi_angle(x, y), y));
 }
 
-/* The mean of 1 / r^2 grows as 1 / q. Over a square pixel around the light, 1 / q has the mean 4 log(1 + sqrt 2). Rays
-   pass no nearer than its reciprocal, in pixels. */
+/* The mean of 1 / r^2 grows as 1 / q. Over a square pixel around the light, 1 / q averages 4 log(1 + sqrt 2). Rays pass
+   no nearer than the reciprocal, in pixels. */
 #define SPSI_LIGHT_PIXELS 0.28364f
 
 static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
@@ -19453,7 +19454,7 @@ static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
 /* Light at a part, before shadows. */
 typedef struct spsi_incident {
     spsi_v travel[3];
-    spsi_v irradiance[3]; /* mean per unit of the light's color; equal without a cookie */
+    spsi_v irradiance[3]; /* mean per unit of the light's color; grey without a cookie */
 } spsi_incident;
 
 /* A part, relative to a light. */
@@ -19461,10 +19462,10 @@ typedef struct spsi_reach {
     spsi_v middle[3];
     spsi_v half;     /* length; negative: ends are ordered towards the eye */
     spsi_v pixel;    /* world size of a pixel */
-    spsi_v edges[4]; /* where a cone begins, is whole, is no longer, and ends, as fractions of the part */
-    spsi_v width[3]; /* between them, precise */
+    spsi_v edges[4]; /* where a cone begins, becomes full, begins to fade, and ends, as fractions of the part */
+    spsi_v width[3]; /* between edges, precise */
     /* with a cone or cookie, in the light's frame: */
-    spsi_v places[4][3], normal[3]; /* places of edges; normal of the plane of light and ray */
+    spsi_v places[4][3], normal[3]; /* positions of edges; normal of the plane through light and ray */
 } spsi_reach;
 
 static void spsi_reach_build(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
@@ -19480,7 +19481,7 @@ static void spsi_reach_build(const spsi_shader *shader, const spsi_light *light,
     }
 }
 
-/* The direction that bisects the lit range's angle: 1 / r^2 weights angles equally. */
+/* Direction of light: bisects the lit range's angle, since 1 / r^2 weights angles equally. */
 static void spsi_light_travel(const spsi_light *light, const spsi_pixels *p, const spsi_reach *reach,
                               spsi_v travel[3]) {
     const spsi_v one = spsi_set(1);
@@ -19511,7 +19512,7 @@ static spsi_v spsi_light_falloff(const spsi_pixels *p, const spsi_reach *reach, 
     return spsi_mean_inverse_square(spsi_max(beside, spsi_sqrt(spsi_dot_v(foot, foot))), spsi_add(s, aside), half);
 }
 
-/* Ends in the light's frame, precise near the axis. */
+/* A part's ends in the light's frame, precise near the axis. */
 static void spsi_reach_place(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
                              const spsi_subslab *part, spsi_reach *reach) {
     const spsi_rays *eye = shader->eye;
@@ -19542,8 +19543,9 @@ static void spsi_reach_place(const spsi_shader *shader, const spsi_light *light,
     }
 }
 
-/* phi is a point's angle from the direction nearest to the axis, in the plane of light and part; tan(phi) is s / z. u =
-   tan(phi / 2) stays precise in narrow cones. Parts along the light's rays count as rim. */
+/* Intersects a part with a cone. phi is a point's angle from the direction nearest to the axis, in the plane of light
+   and part; tan(phi) is s / z. u = tan(phi / 2) stays precise in narrow cones. Parts along the light's rays count as
+   rim. */
 static void spsi_cone_edges(const spsi_light *light, spsi_reach *reach) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), tiny = spsi_set(FLT_MIN);
     const spsi_v per = spsi_div(one, spsi_sqrt(spsi_max(spsi_dot_v(reach->normal, reach->normal), tiny)));
@@ -19591,7 +19593,7 @@ static void spsi_cone_edges(const spsi_light *light, spsi_reach *reach) {
     }
 }
 
-/* How much less the lit range is attenuated than the part, if optical depth changes by `change` along the part. */
+/* Mean transmittance of the lit range, relative to the part's. Optical depth changes by `change` along the part. */
 static spsi_v spsi_cone_passes(const spsi_reach *reach, spsi_v change) {
     const spsi_v less = spsi_max(spsi_sub(spsi_set(0), change), spsi_set(0));
     const spsi_v first = spsi_fma(change, reach->edges[0], less), last = spsi_fma(change, reach->edges[3], less);
@@ -19599,12 +19601,12 @@ static spsi_v spsi_cone_passes(const spsi_reach *reach, spsi_v change) {
     return spsi_div(spsi_mean_transmittance(first, last), all);
 }
 
-/* Returns 1 if a cone covers all parts, -1 if it misses them, 0 otherwise. At an angle a from the axis, the root of 1 -
-   cos is sqrt(2) sin(a / 2). */
+/* Returns 1 if a cone covers all parts, -1 if it misses them, 0 otherwise. At an angle a from the axis, sqrt(1 - cos a)
+   is sqrt(2) sin(a / 2). */
 static int spsi_cone_meets(const spsi_light *light, const spsi_reach *reach) {
     const spsi_v zero = spsi_set(0), error = spsi_set(4e-6f), *middle = reach->middle;
     const spsi_v r = spsi_sqrt(spsi_max(spsi_dot_v(middle, middle), spsi_set(FLT_MIN)));
-    const spsi_v turn = spsi_div(spsi_mul(reach->half, spsi_set(1.2f)), r); /* sqrt(1/2) pi/2 of its sine */
+    const spsi_v turn = spsi_div(spsi_mul(reach->half, spsi_set(1.2f)), r); /* at least sqrt(1/2) times the angle */
     spsi_v axis[3], versine, none, whole;
     if (!light->cone.exists) return 1;
     spsi_set3(light->direction, axis);
@@ -19616,7 +19618,7 @@ static int spsi_cone_meets(const spsi_light *light, const spsi_reach *reach) {
     return spsi_bits(spsi_less(spsi_mul(whole, whole), spsi_add(versine, error))) ? 0 : 1;
 }
 
-/* Mean color of cone and cookie from an edge to the next, weighted by 1 / r^2 with falloff. [Gauss and Legendre] The
+/* Mean color of cone and cookie between successive edges (Gauss-Legendre), weighted by 1 / r^2 with falloff. The
    footprint is at least a step wide, against moire. */
 static void spsi_light_mean(const spsi_frame *frame, const spsi_light *light, const spsi_reach *reach, spsi_v step,
                             int edge, spsi_v color[3]) {
@@ -19639,7 +19641,7 @@ static void spsi_light_mean(const spsi_frame *frame, const spsi_light *light, co
     for (int c = 0; c < 3; ++c) color[c] = c < channels ? spsi_mul(color[c], sum) : color[0];
 }
 
-/* Irradiance by a point of a light. A cone replaces the direction in `incident`. Returns 0 if dark. */
+/* Irradiance from a point of a light. A cone's edge changes the direction in `incident`. Returns 0 if dark. */
 static int spsi_light_point_at(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
                                const spsi_subslab *part, spsi_v change, spsi_reach *reach, spsi_incident *incident) {
     const int rim = spsi_cone_meets(light, reach), varies = rim == 0 || light->projection.exists;
@@ -19670,8 +19672,8 @@ static int spsi_light_point_at(const spsi_shader *shader, const spsi_light *ligh
     return 1;
 }
 
-/* Area lights take their centre's direction and the mean irradiance of their points. `change`: in optical depth along
-   the part. Returns 0 if dark. */
+/* Area lights use their centre's direction and the mean irradiance from their points. Optical depth changes by `change`
+   along the part. Returns 0 if dark. */
 static int spsi_light_at(const spsi_shader *shader, const spsi_light *light, const spsi_pixels *p,
                          const spsi_subslab *part, spsi_v change, spsi_incident *incident) {
     const spsi_v share = spsi_set(1.0f / (float)light->few_count), zero = spsi_set(0);
@@ -19697,14 +19699,14 @@ static int spsi_light_at(const spsi_shader *shader, const spsi_light *light, con
 }
 
 typedef struct spsi_sent {
-    spsi_v *once, *again; /* again: multiple forward scattering; front to back, the same array */
+    spsi_v *once, *again; /* again: multiple forward scattering; front to back, equals `once` */
     spsi_v ahead;         /* back to front: optical depth towards the eye */
 } spsi_sent;
 
 typedef struct spsi_carried {
     spsi_v passes[3];  /* transmittance between light and eye, times the lit fraction */
     spsi_v lit[3];     /* lit fraction; if light spreads, times transmittance from the light */
-    spsi_v start, end; /* optical depth between light and eye at both ends; if light spreads, from the part on */
+    spsi_v start, end; /* optical depth between light and eye at both ends; if light spreads, to the eye alone */
     int is_attenuated; /* 0: neither attenuation nor multiple scattering; lit is unused */
 } spsi_carried;
 
@@ -19722,7 +19724,7 @@ static void spsi_sample_forward(const spsi_shader *shader, const spsi_material *
 typedef struct spsi_spread_light_at {
     int channel;
     spsi_v flux, depth;        /* depth: optical depth traversed so far */
-    spsi_forward_part ways[2]; /* with `depth`, and without */
+    spsi_forward_part ways[2]; /* table coordinates with `depth`, and without */
 } spsi_spread_light_at;
 
 static inline void spsi_add_light(const spsi_light *light, int c, spsi_v share, spsi_v radiance[3]) {
@@ -19759,7 +19761,7 @@ static void spsi_shade_by_light(const spsi_shader *shader, const spsi_pixels *p,
     }
 }
 
-/* Per unit of scattered flux: X of the whole path less exp(-t) of X of the part alone, the direct light's. */
+/* Per unit of scattered flux: X of the whole path minus exp(-t) times X of the part alone, the direct light's. */
 static void spsi_add_spread_sample(const spsi_shader *shader, const spsi_shadow *shadow,
                                    const spsi_spread_light_at *arriving, int m, const spsi_sample *sample,
                                    const spsi_sent *sent) {
@@ -19804,7 +19806,7 @@ static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow
     }
 }
 
-/* Lit fraction of each part: a shadow's edge may cross the path at a slant. */
+/* Lit fraction of each part, or their mean: shadow edges may cross the path at a slant. */
 static void spsi_lit_fractions(const spsi_shader *shader, const spsi_depth_map *map, const spsi_pixels *p,
                                const spsi_slab *slab, spsi_v lit[SPSI_SUBSLABS]) {
     const int backwards = shader->sweep->back_to_front;
@@ -19887,7 +19889,7 @@ static void spsi_subslab_filter(const spsi_shader *shader, const spsi_shadow *sh
         filter[c] = spsi_mul(sum[c], spsi_set(1.0f / (float)(shadow->translucency_map_count * steps)));
 }
 
-/* Fraction of the medium's transmittance that opaque polygons block from the light's points. */
+/* Fraction of transmitted light that opaque polygons block, over the light's points. */
 static spsi_v spsi_subslab_hidden(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
                                   const spsi_pixels *p, const spsi_subslab *part) {
     const int count = shader->frame->matter.classifies ? 1 : SPSI_SUBSLABS;
@@ -19911,9 +19913,8 @@ static void spsi_subslab_pass(const spsi_shader *shader, const spsi_shadow *shad
     }
 }
 
-/* Mean transmittance from a light over a group's matter, to the eye if `eye`. Optical depth is taken as linear in a
-   slab; the error is quadratic. Pairs of slabs have four times that, so a third of the difference is added
-   (Richardson). */
+/* Mean transmittance over a group's matter from a light, and to the eye if `eye`. Optical depth is assumed linear in a
+   slab, with quadratic error. Pairs of slabs have four times that: a third of the difference is added (Richardson). */
 static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arrival, const spsi_subslab *part, int eye) {
     const spsi_v zero = spsi_set(0), own = spsi_sub(part->after, part->before);
     spsi_v sum = zero, pairs = zero, passed = zero;
@@ -19971,11 +19972,11 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
 typedef struct spsi_cell_place {
     const spsi_cell_grid *grid;
     spsi_v at[3];
-    spsi_m here, left; /* points in this grid; points in none so far */
+    spsi_m here, left; /* masks: in this grid; in none so far */
 } spsi_cell_place;
 
-/* Extinction is scaled towards the eye, too. So more emission reaches it, and exp(-k t) - exp(-t) of the ambient light
-   behind, without a polygon. */
+/* Scaled extinction also passes more emission to the eye, and exp(-k t) - exp(-t) of the ambient light behind, unless a
+   polygon blocks it. */
 static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part, int m,
                                     const spsi_cell_place *place, const spsi_sent *into) {
     const spsi_frame *frame = shader->frame;
@@ -20004,7 +20005,7 @@ static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels
     }
 }
 
-/* Middle of a part in the n-th grid, if in none before. Round-off beyond all grids goes to the last. */
+/* A part's middle in the n-th grid, if in none before. Points outside all grids by round-off go to the last. */
 static void spsi_cell_place_build(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part, int n,
                                   spsi_cell_place *place) {
     const spsi_content *content = shader->frame->content;
@@ -20061,7 +20062,7 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
 /* --- direct light on polygons, in double precision --- */
 
 /* Irradiance per unit of a light's color, before shadows. Only the shading normal decides: facets would show their
-   outlines at grazing light. Returns 0 if dark. */
+   outlines in grazing light. Returns 0 if dark. */
 static int spsi_surface_point_irradiance(const spsi_frame *frame, const spsi_light *light, const spsi_surface *surface,
                                          double irradiance[3]) {
     double toward[3], square, cosine;
@@ -20091,7 +20092,7 @@ typedef struct spsi_visibility_job {
     uint64_t *rays; /* per worker */
 } spsi_visibility_job;
 
-/* A packet: a block of pixels, or successive layers. */
+/* A packet's surfaces: a block of pixels, or successive layers. */
 typedef struct spsi_visibility_surfaces {
     int used; /* mask */
     size_t index[SPSI_PACKET];
@@ -20099,13 +20100,13 @@ typedef struct spsi_visibility_surfaces {
     int face[SPSI_PACKET];
 } spsi_visibility_surfaces;
 
-/* Bytes per place. Per point of the light: 1 if it is visible, or with translucent polygons the transmittance of each
-   channel in floats. */
+/* Bytes per shading point. Per point of the light: a byte, 1 if visible; with translucent polygons, a float
+   transmittance per channel. */
 static int spsi_visibility_bytes(const spsi_frame *frame, const spsi_light *light) {
     return light->point_count * (frame->meshes.translucent ? 3 * (int)sizeof(float) : 1);
 }
 
-/* Returns 0 if a point of a light cannot reach a surface, whatever lies between them. */
+/* Returns 0 if a light's point cannot reach a surface, regardless of occluders. */
 static int spsi_visibility_needs(const spsi_frame *frame, const spsi_light *point, const spsi_surface *surface) {
     double toward[3], irradiance[3];
     spsi_toward_light(point, surface->point, toward);
@@ -20153,8 +20154,7 @@ static void spsi_visibility_trace(const spsi_visibility_job *job, int worker, co
         job->rays[worker] += (uint64_t)spsi_visibility_point(job, i, block);
 }
 
-/* A row of blocks. They are aligned to the image, not to the region: within round-off, a packet's rays decide which
-   faces are tested. */
+/* A row of blocks, aligned to the image, not the region: within round-off, the faces tested depend on the packet. */
 static void spsi_visibility_row_task(void *data, int index, int worker) {
     const spsi_visibility_job *job = (const spsi_visibility_job *)data;
     const int *region = job->frame->view.region, side = SPSI_VISIBILITY_BLOCK;
@@ -20185,7 +20185,7 @@ static void spsi_visibility_layers_task(void *data, int index, int worker) {
     spsi_visibility_trace(job, worker, &block);
 }
 
-/* An exact ray per point of the light, with equal points for all pixels. Noise is worse than steps in the penumbra: no
+/* An exact ray per point of the light, the same points for all pixels. Noise is worse than steps in the penumbra: no
    filter can tell it from the image. */
 SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                const spsi_visible *visible, const spsi_shadow *shadow, uint64_t *rays) {
@@ -20204,15 +20204,15 @@ SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, co
     context->stats.seconds_shadow_rays += spsi_clock(context) - start;
 }
 
-/* NULL: another sweep's, or the light casts none. */
+/* A light's shadow; NULL: another sweep's, or none. */
 static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_light *light) {
     for (int i = 0; i < shader->shadow_count; ++i)
         if (shader->shadows[i].light == light) return &shader->shadows[i];
     return NULL;
 }
 
-/* Transmittance from a light to surfaces, or from these to the eye (`light`, `to`: NULL). Phase functions' peaks go
-   straight on; patches may send them to surfaces outside of the cells. */
+/* Transmittance from a light to surfaces, or from these to the eye (`light`, `to`: NULL). Phase functions' peaks count
+   as transmitted, unless patches send them to surfaces outside the cells. */
 static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_light *light, int c, spsi_v depth,
                                    const spsi_points *to) {
     const spsi_content *content = frame->content;
@@ -20228,10 +20228,10 @@ static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_light *li
     return spsi_exp(spsi_mul(depth, spsi_load(scales)));
 }
 
-/* --- irradiance by cells and first flights --- */
+/* --- irradiance from cells and first flights --- */
 
 #define SPSI_RECEIVED_TILE  32 /* pixels along an edge of a task's tile */
-#define SPSI_RECEIVED_BLOCK 32 /* pixels along an edge of the largest blocks that are interpolated */
+#define SPSI_RECEIVED_BLOCK 32 /* pixels along an edge of the largest interpolated blocks */
 #define SPSI_RECEIVED_STEP  2  /* pixels between knots */
 #define SPSI_RECEIVED_KNOTS (SPSI_RECEIVED_TILE / SPSI_RECEIVED_STEP + 1)
 
@@ -20246,11 +20246,11 @@ typedef struct spsi_receive_job {
 
 typedef struct spsi_received {
     float irradiance[3];
-    int face; /* its plane; -1: unknown */
-    double point[3], reach; /* reach: length across which light is smooth */
+    int face; /* face in its plane; -1: not computed */
+    double point[3], reach; /* reach: light is smooth over this length */
 } spsi_received;
 
-/* Returns a length across which irradiance is smooth. */
+/* Adds a grid's irradiance. Returns a length over which it is smooth. */
 static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_grid *grid, const spsi_surface *surface,
                                        int face, double irradiance[3]) {
     float patches[SPSI_CELL_SHEET];
@@ -20265,7 +20265,7 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     return sqrt(16 * grid->edge * grid->edge + distance * distance);
 }
 
-/* Irradiance of a hit's plane by cells and first flights. */
+/* Irradiance on a hit's plane from cells and first flights. */
 static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, double x, double y, spsi_received *to) {
     const spsi_content *content = job->frame->content;
     double irradiance[3] = {0, 0, 0};
@@ -20305,8 +20305,8 @@ typedef struct spsi_receive_tile {
     spsi_received knots[SPSI_RECEIVED_KNOTS * SPSI_RECEIVED_KNOTS];
 } spsi_receive_tile;
 
-/* Computes the light at a block's nine knots, by rows. Returns 1 if it is nearly linear along six lines of three, and
-   comes from farther away than the block is wide. */
+/* Computes the light at a block's nine knots. Returns 1 if it is nearly linear along six lines of three, and comes from
+   farther than the block's width. */
 static int spsi_receive_even(spsi_receive_tile *tile, const spsi_hit *hit, int x0, int y0, int side,
                              const spsi_received *knots[9]) {
     static const int lines[6][3] = {{0, 4, 8}, {2, 4, 6}, {0, 1, 2}, {0, 3, 6}, {2, 5, 8}, {6, 7, 8}};
@@ -20333,7 +20333,7 @@ static int spsi_receive_even(spsi_receive_tile *tile, const spsi_hit *hit, int x
     return 1;
 }
 
-/* Quadratic through nine knots. x and y: -1 to 1. */
+/* Biquadratic through nine knots. x and y: -1 to 1. */
 static float spsi_received_between(const spsi_received *const knots[9], int c, float x, float y) {
     const float across[3] = {0.5f * x * (x - 1), 1 - x * x, 0.5f * x * (x + 1)};
     const float down[3] = {0.5f * y * (y - 1), 1 - y * y, 0.5f * y * (y + 1)};
@@ -20342,7 +20342,7 @@ static float spsi_received_between(const spsi_received *const knots[9], int c, f
     return sum;
 }
 
-/* A block's first hit of a polygon; NULL if there is none, or faces of other planes. */
+/* A block's first polygon hit; NULL: none, or hits in several planes. */
 static const spsi_hit *spsi_receive_plane(const spsi_receive_job *job, int x0, int y0, int width, int height) {
     const spsi_hit *plane = NULL;
     for (int n = 0, last = -1; n < width * height; ++n) {
@@ -20356,7 +20356,7 @@ static const spsi_hit *spsi_receive_plane(const spsi_receive_job *job, int x0, i
     return plane;
 }
 
-/* Interpolates within a plane where light is even; divides other blocks, down to pixels. */
+/* Interpolates blocks in one plane with smooth light; subdivides others, down to pixels. */
 static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, int side) {
     const spsi_receive_job *job = tile->job;
     const spsi_rays *eye = &job->frame->content->eye;
@@ -20383,7 +20383,7 @@ static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, int side
     }
 }
 
-/* Tiles are aligned to the image, so that knots do not depend on the region. */
+/* Tiles are aligned to the image: knots do not depend on the region. */
 static void spsi_receive_task(void *data, int index, int worker) {
     const spsi_receive_job *job = (const spsi_receive_job *)data;
     const int *region = job->frame->view.region, side = SPSI_RECEIVED_TILE;
@@ -20423,7 +20423,7 @@ static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-/* Adds reflected light of cells, a correction of ambient light that may be negative. */
+/* Adds reflected light from cells and first flights, relative to ambient light; it may be negative. */
 static void spsi_add_flux(const spsi_shader *shader, const spsi_shading_point *place, const double color[3],
                           float radiance[3]) {
     const spsi_content *content = shader->frame->content;
@@ -20440,7 +20440,7 @@ static void spsi_add_flux(const spsi_shader *shader, const spsi_shading_point *p
     }
 }
 
-/* Adds reflected light that spread in the medium. */
+/* Adds reflected light that has spread in the medium. */
 static void spsi_add_spread_on(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_shading_point *on,
                                const double color[3], float radiance[3]) {
     const spsi_spread *spread = shadow->spread;
@@ -20466,17 +20466,17 @@ static void spsi_add_spread_on(const spsi_shader *shader, const spsi_shadow *sha
     }
 }
 
-/* --- radiance of polygons: up to a vector of places ---
-   Positions are doubles. Cosines, distances in units, transmittance and colors are floats, within 1e-6 of the reflected
+/* --- radiance of polygons: up to a vector of points ---
+   Positions are doubles. Cosines, scaled distances, transmittance and colors are floats, to 1e-6 of the reflected
    light. */
 
 typedef struct spsi_surfaces {
     spsi_shading_point place[SPSI_LANES];
     spsi_points points;
-    float pixel[SPSI_LANES];     /* world size */
+    float pixel[SPSI_LANES];     /* world size of a pixel */
     float normal[3][SPSI_LANES]; /* unit vectors that face the eye */
     float albedo[3][SPSI_LANES], emission[3][SPSI_LANES];
-    float radiance[3][SPSI_LANES]; /* towards the eye; 0 in other lanes */
+    float radiance[3][SPSI_LANES]; /* towards the eye; 0 in unused lanes */
 } spsi_surfaces;
 
 static void spsi_surfaces_add(const spsi_shader *shader, int n, spsi_surfaces *list) {
@@ -20496,7 +20496,7 @@ static void spsi_surfaces_add(const spsi_shader *shader, int n, spsi_surfaces *l
     }
 }
 
-/* Power of two near the light's largest distance: squares stay in range. */
+/* Power of two near the largest distance to the light: squares stay in range. */
 static double spsi_surfaces_unit(const spsi_light *light, const spsi_surfaces *list) {
     double largest = 1e-100;
     int power;
@@ -20508,7 +20508,7 @@ static double spsi_surfaces_unit(const spsi_light *light, const spsi_surfaces *l
     return ldexp(1, power);
 }
 
-/* Vectors from a point, in units. */
+/* Vectors from a point, over `unit`. */
 static void spsi_surfaces_paths(const spsi_surfaces *list, const double from[3], double unit, spsi_v ways[3]) {
     const double per_unit = 1 / unit;
     for (int i = 0; i < 3; ++i) {
@@ -20529,7 +20529,7 @@ static void spsi_surfaces_places(const spsi_surfaces *list, const spsi_light *li
     for (int i = 0; i < 3; ++i) place[i] = spsi_load(lanes[i]);
 }
 
-/* Irradiance per unit of the light's color, before shadows. With falloff: times the unit's square. */
+/* Adds irradiance per unit of the light's color, before shadows. With falloff: times unit^2. */
 static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_light *point, const spsi_surfaces *list,
                                     double unit, spsi_v irradiance[3]) {
     const spsi_v zero = spsi_set(0);
@@ -20551,7 +20551,7 @@ static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_light 
     for (int c = 0; c < 3; ++c) irradiance[c] = spsi_fma(share, image[c], irradiance[c]);
 }
 
-/* Transmittance of polygons from a point of the light. Returns the mask of lanes that it reaches. */
+/* Transmittance of polygons towards a point of the light. Returns the mask of lanes that it reaches. */
 static int spsi_surfaces_open(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_surfaces *list,
                               int point, spsi_v open[3]) {
     const int filtered = shader->frame->meshes.translucent;
@@ -20581,8 +20581,8 @@ static spsi_v spsi_surfaces_depth(const spsi_shadow *shadow, const spsi_surfaces
     return spsi_load(lanes);
 }
 
-/* Adds direct light. `shadow` NULL: nothing is in the way. Optical depth is that of the light's centre; with soft
-   shadows, each point has its own. */
+/* Adds direct light. `shadow` NULL: no occlusion. Optical depth is measured to the light's centre, or to each point
+   with soft shadows. */
 static void spsi_surfaces_add_light(const spsi_shader *shader, const spsi_light *light, const spsi_shadow *shadow,
                                     spsi_surfaces *list) {
     const double unit = spsi_surfaces_unit(light, list), scale = light->falls_off ? 1 / (unit * unit) : 1;
@@ -20615,7 +20615,7 @@ static void spsi_surfaces_add_light(const spsi_shader *shader, const spsi_light 
     }
 }
 
-/* Adds reflected scattered light: from cells (`shadow`: NULL), or of a light that spreads. */
+/* Adds reflected scattered light: from cells (`shadow`: NULL), or from a light that spreads. */
 static void spsi_surfaces_add_scattered(const spsi_shader *shader, const spsi_shadow *shadow, spsi_surfaces *list) {
     for (int n = 0; list->points.lanes >> n; ++n) {
         const spsi_shading_point *place = &list->place[n];
@@ -20634,7 +20634,7 @@ static void spsi_surfaces_add_scattered(const spsi_shader *shader, const spsi_sh
 static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) {
     const spsi_frame *frame = shader->frame;
     if (!list->points.lanes) return;
-    for (int n = 0; n < SPSI_LANES; ++n) /* unused lanes repeat another */
+    for (int n = 0; n < SPSI_LANES; ++n) /* unused lanes repeat a used one */
         for (int i = 0; i < 3 && !(list->points.lanes >> n & 1); ++i)
             list->points.at[i][n] = list->points.at[i][spsi_lowest_bit(list->points.lanes)];
     for (int c = 0; c < 3 && shader->sweep->first; ++c)
@@ -20651,11 +20651,11 @@ static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) 
 
 typedef struct spsi_pending {
     const spsi_layer *list;
-    uint32_t first[SPSI_LANES], count[SPSI_LANES]; /* range of each pixel's list */
-    uint32_t front[SPSI_LANES];                    /* number of its layers that are in front */
+    uint32_t first[SPSI_LANES], count[SPSI_LANES]; /* range of each pixel in `list` */
+    uint32_t front[SPSI_LANES];                    /* layers in front */
     float depth[SPSI_LANES];                       /* next layer's t - depth_reference; infinity: none */
     float filter[3][SPSI_LANES];                   /* transmittance of the layers in front */
-    spsi_v slab;                                   /* next layer's coordinate; infinity: none */
+    spsi_v slab;                                   /* next layer's slab coordinate; infinity: none */
 } spsi_pending;
 
 static size_t spsi_pending_next(const spsi_shader *shader, const spsi_pending *ahead, int lane) {
@@ -20684,7 +20684,7 @@ static void spsi_pending_measure(const spsi_shader *shader, const spsi_pixels *p
     ahead->slab = spsi_select(spsi_less(d, infinity), ahead->slab, infinity);
 }
 
-/* Returns a bit mask of pixels. */
+/* Mask of pixels whose next layer lies before `slab`. */
 static int spsi_pending_before(const spsi_pending *ahead, float slab) {
     return spsi_bits(spsi_less(ahead->slab, spsi_set(slab)));
 }
@@ -20715,7 +20715,7 @@ static void spsi_pending_begin(const spsi_shader *shader, const spsi_pixels *p, 
     }
 }
 
-/* Mean over colors. */
+/* Mean transmittance over colors. */
 static spsi_v spsi_pending_mean(const spsi_pending *ahead) {
     const spsi_v sum = spsi_add(spsi_load(ahead->filter[0]), spsi_load(ahead->filter[1]));
     return spsi_mul(spsi_add(sum, spsi_load(ahead->filter[2])), spsi_set(1.0f / 3));
@@ -20729,7 +20729,7 @@ typedef struct spsi_row {
     spsi_gathered sum;
 } spsi_row;
 
-/* Adds surfaces' light that phase functions' peaks scatter straight to the eye: exp(-k t) - exp(-t) of it. */
+/* Adds the fraction of surfaces' light that phase functions' peaks scatter straight to the eye: exp(-k t) - exp(-t). */
 static void spsi_add_straight(const spsi_shader *shader, float sent[3][SPSI_LANES], spsi_gathered *sum) {
     const int backwards = shader->again.gas != NULL;
     const spsi_v gas = backwards ? spsi_sub(sum->gas[1], sum->gas[0]) : sum->depth;
@@ -20752,8 +20752,8 @@ static void spsi_add_sent(const spsi_shader *shader, float sent[3][SPSI_LANES], 
     sum->distance = spsi_fma(share, way, sum->distance);
 }
 
-/* Adds the next layers of some pixels, or their opaque hits. Front to back, a last layer that blocks all colors makes
-   the ray opaque. */
+/* Adds the next layers of pixels in `bits`, or their opaque hits. Front to back, a last layer that blocks all colors
+   makes the ray opaque. */
 static void spsi_add_polygons(const spsi_shader *shader, int bits, int of_layers, spsi_row *row) {
     const spsi_pixels *p = &row->pixels;
     const int backwards = shader->sweep->back_to_front;
@@ -20770,7 +20770,7 @@ static void spsi_add_polygons(const spsi_shader *shader, int bits, int of_layers
             spsi_shading_point_of_layer(shader->frame, shader->visible, spsi_pending_next(shader, ahead, lane), place);
         else
             spsi_shading_point_of_pixel(shader->frame, shader->visible, p->x + lane, p->y, place);
-        if (place->hit->face >= 0) spsi_surfaces_add(shader, lane, &list); /* otherwise an edge, which layers show */
+        if (place->hit->face >= 0) spsi_surfaces_add(shader, lane, &list); /* otherwise an edge, drawn by layers */
     }
     spsi_surfaces_shade(shader, &list);
     for (int lane = 0; list.points.lanes >> lane; ++lane) {
@@ -20789,7 +20789,7 @@ static void spsi_add_polygons(const spsi_shader *shader, int bits, int of_layers
     if (of_layers) spsi_pending_measure(shader, p, ahead);
 }
 
-/* Takes slab coordinates in [low, high). */
+/* Adds opaque hits at slab coordinates in [low, high). */
 static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, spsi_row *row) {
     const spsi_pixels *p = &row->pixels;
     const spsi_m here =
@@ -20825,7 +20825,7 @@ static void spsi_group_fractions(const spsi_shader *shader, const spsi_tile *til
                                  spsi_slab *slab) {
     const spsi_v zero = spsi_set(0);
     spsi_v whole = zero;
-    slab->filled = spsi_scatters_forward(shader->frame) ? ~0 : 0; /* uses light at all planes */
+    slab->filled = spsi_scatters_forward(shader->frame) ? ~0 : 0; /* needs light at all planes */
     SPSI_ROLLED for (int i = 0; i < slab->group; ++i, at += tile->sheet_size) {
         slab->share[i] = zero;
         SPSI_ROLLED for (int m = 0; m < slab->material_count; ++m) {
@@ -20878,7 +20878,7 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
     return 1;
 }
 
-/* `depth`: the ray's optical depth so far. `part` must contain the part before, at whose end this one begins. */
+/* `depth`: the ray's optical depth so far. `part` must contain the previous part: this one begins at its end. */
 static void spsi_subslab_build(const spsi_shader *shader, const spsi_slab *slab, int i, spsi_v depth,
                                spsi_subslab *part) {
     const int backwards = shader->sweep->back_to_front;
@@ -20899,7 +20899,7 @@ static void spsi_subslab_build(const spsi_shader *shader, const spsi_slab *slab,
     part->after = backwards ? spsi_set(0) : spsi_add(depth, part->depth);
 }
 
-/* Cuts a part to fractions of the slab. `samples` receives the rest. Returns 0 if nothing is left. */
+/* Cuts a part to a range in fractions of the slab. `samples` receives its samples. Returns 0 if nothing is left. */
 static int spsi_subslab_cut(const spsi_shader *shader, const spsi_slab *slab, const spsi_v cut[2], spsi_sample *samples,
                             spsi_v depth, spsi_subslab *part) {
     const int backwards = shader->sweep->back_to_front;
@@ -20930,7 +20930,8 @@ static int spsi_subslab_cut(const spsi_shader *shader, const spsi_slab *slab, co
     return 1;
 }
 
-/* Layers in front filter what the part sends. Its optical depth counts up to SPSI_FORWARD_END, to keep sums precise. */
+/* Adds a part, filtered by layers in front. Optical depth is summed up to SPSI_FORWARD_END per part, to stay
+   precise. */
 static void spsi_add_subslab(const spsi_shader *shader, const spsi_subslab *part, spsi_row *row) {
     const spsi_pixels *p = &row->pixels;
     const spsi_v zero = spsi_set(0);
@@ -20955,7 +20956,7 @@ static void spsi_add_subslab(const spsi_shader *shader, const spsi_subslab *part
         sum->radiance[c] = spsi_fma(once[c], filter, sum->radiance[c]);
         if (shader->again.gas) sum->again[c] = spsi_fma(again[c], filter, sum->again[c]);
     }
-    if (shader->distance) { /* visible here with weight T (1 - exp(-depth)) */
+    if (shader->distance) { /* coverage: T (1 - exp(-depth)) */
         const spsi_v ahead_of = spsi_sub(spsi_mean_length(part->depth), spsi_set(0.5f));
         const spsi_v seen = spsi_fma(spsi_mul(spsi_set(2), part->half), ahead_of, part->middle);
         const spsi_v t = spsi_add(seen, spsi_set((float)shader->eye->depth_reference));
@@ -20975,7 +20976,7 @@ typedef struct spsi_shading {
     float low, high;
 } spsi_shading;
 
-/* `cut` may be NULL. */
+/* Adds a slab's parts, cut unless `cut` is NULL. */
 static void spsi_add_subslabs(const spsi_shading *shading, const spsi_v *cut, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     spsi_sample *samples = shading->scratch.samples + SPSI_SUBSLABS * row->slab.material_count;
@@ -20991,7 +20992,7 @@ static void spsi_add_subslabs(const spsi_shading *shading, const spsi_v *cut, sp
     }
 }
 
-/* Composites layers before slab coordinate `high`, and the slab between them. */
+/* Composites layers before slab coordinate `high`, and the slab's pieces between them. */
 static void spsi_add_layered(const spsi_shading *shading, int held, float high, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     const int backwards = shader->sweep->back_to_front;
@@ -21014,7 +21015,7 @@ static void spsi_add_layered(const spsi_shading *shading, int held, float high, 
     }
 }
 
-/* Returns 0 if there is no matter. */
+/* Adds a slab. Returns 0 if it has no matter. */
 static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     const float low = k == 0 ? shading->low : (float)(shader->first_slab + k);
@@ -21051,8 +21052,8 @@ static void spsi_gathered_store(const spsi_shader *shader, size_t to, const spsi
     spsi_store(shader->again.gas + to, sum->gas[0]);
 }
 
-/* Early ray termination before plane k. A ray below the threshold becomes opaque, so that no bright background shines
-   through; its transmittance counts as visible at the plane. Returns 0 if all rays have ended. */
+/* Early ray termination before plane k. A ray below the threshold becomes opaque, hiding bright backgrounds; its
+   transmittance counts as coverage at the plane. Returns 0 if all rays have ended. */
 static int spsi_end_rays(const spsi_shader *shader, int k, spsi_row *row) {
     const spsi_pixels *p = &row->pixels;
     spsi_gathered *sum = &row->sum;
@@ -21098,9 +21099,9 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
 }
 
 /* ==================================================================================================== >>filling
-   32 The medium in cells. Grids are placed around groups of bricks and particles. The medium goes into sheets across z,
-   two samples per cell edge; deposits and splats both conserve mass. Cost: 27 additions, a footprint or a pyramid
-   sample per voxel or sample. */
+   32 Filling cells with the medium. Grids enclose groups of bricks and particles. Their medium goes into sheets stacked
+   along z, two samples per cell edge. Deposits and splats both conserve mass. Cost: 27 additions or a footprint per
+   voxel, or a pyramid lookup per sample. */
 
 typedef struct spsi_cell_sample {
     spsi_v depth, scattered[3], emitted[3];
@@ -21151,15 +21152,15 @@ typedef struct spsi_cell_job {
 
 /* --- placing grids --- */
 
-#define SPSI_GROUPS_MOST  64  /* most, while grouping */
-#define SPSI_GROUPS_APART 2.0 /* least gap between grids, per longest side */
+#define SPSI_GROUPS_MOST  64  /* maximum while grouping */
+#define SPSI_GROUPS_APART 2.0 /* minimum gap between grids over their longest side */
 
 typedef struct spsi_groups {
     spsi_bounds list[SPSI_GROUPS_MOST];
     int count;
 } spsi_groups;
 
-/* Gap per longest side of the larger group. */
+/* Gap over the larger group's longest side. */
 SPSI_COLD double spsi_groups_apart(const spsi_bounds *a, const spsi_bounds *b) {
     double square = 0;
     for (int k = 0; k < 3; ++k) {
@@ -21196,7 +21197,7 @@ SPSI_COLD void spsi_groups_add(spsi_groups *groups, const spsi_bounds *box) {
 }
 
 /* Groups bricks and particles. Light between groups, at most 1/36 of the light leaving one side, is ignored. From 2.5
-   sides away, a side covers 1/6 of a circle of sky in width and height, and shines by its cosine. */
+   side lengths away, a side covers 1/6 of a circle of sky in width and height, weighted by its cosine. */
 SPSI_COLD void spsi_groups_build(const sps_context *context, const spsi_frame *frame, spsi_groups *groups) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     groups->count = 0;
@@ -21242,7 +21243,7 @@ SPSI_COLD void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid)
         grid->peak[m] = (float)peak;
         for (int l = 0; l < grid->orders; ++l) grid->lobes[m][l] = (float)(spsi_phase_moment(material, l) - peak);
     }
-    if (grid->flux_terms > 0 && grid->peak_count > 0) /* at most; spsi_cells_choose_lights keeps lights with weight */
+    if (grid->flux_terms > 0 && grid->peak_count > 0) /* maximum; spsi_cells_choose_lights keeps lights with weight */
         grid->light_count = spsi_imin(SPSI_CELL_SETS / grid->peak_count, frame->lights.whole_count);
 }
 
@@ -21253,8 +21254,8 @@ SPSI_COLD size_t spsi_cell_job_floats(const spsi_frame *frame, const spsi_cell_g
 
 /* --- filling --- */
 
-/* Sheet samples per length: more than one if a classified volume's voxels are smaller, since transfer functions are
-   nonlinear. Up to a voxel apart, footprints are wider than the pixel filter. */
+/* Sheet samples per length `sample`: several if a classified volume's voxels are smaller, since transfer functions are
+   nonlinear. With samples up to a voxel apart, footprints exceed the pixel filter. */
 SPSI_COLD int spsi_samples_fineness(const spsi_frame *frame, double sample) {
     double voxel = HUGE_VAL;
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -21281,7 +21282,7 @@ SPSI_COLD int spsi_cells_aim(const spsi_cell_grid *grid, int fine, spsi_rays *ra
     return spsi_rays_complete(rays);
 }
 
-/* Channels are materials. Rays and slabs must be set. */
+/* Channels hold materials. Rays and slabs must be set. */
 SPSI_COLD sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *frame, spsi_sampling *sheets) {
     spsi_target *target = &sheets->target;
     spsi_target_place(frame, &sheets->rays, &sheets->slabs, SPSI_TARGET_SAMPLES, 0, target);
@@ -21312,7 +21313,7 @@ static void spsi_cell_sample_at(const spsi_material *material, spsi_v sum, const
     }
 }
 
-/* Returns the tile's number of slabs; 0: it is empty. */
+/* Returns the tile's number of slabs; 0: empty. */
 static int spsi_sampling_tile(const spsi_sampling *sheets, int index, int worker, spsi_tile *tile) {
     const int column = index % sheets->target.columns, row = index / sheets->target.columns;
     spsi_tile_place(&sheets->target, column, row, worker, tile);
@@ -21361,7 +21362,7 @@ static void spsi_cells_deposit(float *row, int x, int end, int per_entry, float 
     for (int i = 0; i < SPSI_LANES && x + i <= end; ++i) row[(x + i) / per_entry] += share * lanes[i];
 }
 
-/* Depth adds up along z, `fine` slabs to a sample and two samples to a cell, and is averaged across. */
+/* Sums depth along z, two samples of `fine` slabs per cell, and averages it over x and y. */
 static void spsi_cells_add_sample(const void *data, const spsi_sample_place *place, int m,
                                   const spsi_cell_sample *sample) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
@@ -21399,7 +21400,7 @@ SPSI_COLD sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_call_stage *
     return SPS_OK;
 }
 
-/* Scattering passed straight on by forward peaks (delta-M): optical depth per edge. */
+/* Optical depth per edge of forward-peak scattering, treated as transmitted (delta-M). */
 static float spsi_cell_straight(const spsi_cell_job *job, int channel, size_t at) {
     const spsi_cell_grid *grid = job->grid;
     float straight = 0;
@@ -21423,8 +21424,8 @@ SPSI_COLD void spsi_cells_mean_scale(const spsi_cell_job *job) {
 /* =================================================================================================== >>lighting
    33 Light on cells. Each light adds E exp(-k t) Y(d) / 4 pi per sample and moment. E is irradiance, t the optical
    depth to the light, k the cell's extinction scale, d the direction. Polygons at closed links reflect E color / pi.
-   Narrow beams and small lit patches of polygons become emitters, >>flights. Cost: as much as filling, and eight
-   lookups per cell and light; 26 rays per cell near polygons, 50 at the grid's border. */
+   Narrow beams and small lit patches of polygons become emitters, >>flights. Cost: filling's, plus eight lookups per
+   cell and light, 26 rays per cell near polygons, 50 at the grid's border. */
 
 static void spsi_cone_ray(const spsi_light *light, double versine, double turn, spsi_ray *ray) {
     const double sine = sqrt(versine * (2 - versine));
@@ -21436,8 +21437,9 @@ static void spsi_cone_ray(const spsi_light *light, double versine, double turn, 
                             sine * (cos(turn) * light->across[0][k] + sin(turn) * light->across[1][k]);
 }
 
-/* Fraction of a light sent as narrow beams, to the medium or to polygons. Beams may be 1/8 of the grid wide, at its far
-   end or the polygon on the axis. With translucent polygons there are none: beams would have to pass them. */
+/* Fraction of a light sent as narrow beams, to the medium or to polygons. Beams may be 1/8 as wide as the grid, at its
+   far end or at the polygon on their axis. There are none with translucent polygons: they would have to pass
+   through. */
 SPSI_COLD double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *light, int to_polygons) {
     const spsi_cell_grid *grid = job->grid;
     const double versine = light->cone.none, longest = grid->edge * job->frame->view.scattering_resolution;
@@ -21454,14 +21456,14 @@ SPSI_COLD double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *li
 
 #define SPSI_CELL_TEXELS_MOST 256 /* exceeded only to keep two per cell edge */
 
-/* Texels on a table's longer side: four per cell edge. Depth is convex where the medium begins, but linear between
-   texels. In a dense cloud, two lose 1 % of multiple scattering, four a quarter of that, in the same time. */
+/* Texels along a table's longer side: four per cell edge. Depth is convex where the medium begins, but interpolated
+   linearly. In a dense cloud, two texels lose 1 % of multiple scattering, four a quarter of that at equal cost. */
 SPSI_COLD int spsi_cell_texels(const spsi_frame *frame) {
     const int cells = frame->view.scattering_resolution;
     return spsi_imax(16, spsi_imin(4 * cells, spsi_imax(SPSI_CELL_TEXELS_MOST, 2 * cells)));
 }
 
-/* `served`: bounds of the light's medium; NULL: all. */
+/* `served`: bounds of the medium to cover; NULL: all. */
 SPSI_COLD void spsi_cells_map_light(int texels, const spsi_bounds *served, spsi_light *light) {
     light->map_bounds = served;
     memset(&light->map, 0, sizeof light->map);
@@ -21484,7 +21486,7 @@ SPSI_COLD sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_light *
     return spsi_shadow_table_fill(job->context, &coarse, &occluders, table);
 }
 
-/* A light's own table may already wait for the sweeps. */
+/* A light's own table may be filled already, for the sweeps. */
 SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_light *light, const spsi_call_stage *part,
                                       spsi_shadow *shadow, spsi_shadow_table *table) {
     shadow->light = light;
@@ -21497,7 +21499,7 @@ SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_light
     return job->context->result;
 }
 
-/* Depth and translucency maps serve all grids, and so does a light's own table. */
+/* Depth maps, translucency maps and a light's own table serve all grids. */
 SPSI_COLD sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_call_stage *part, spsi_shadow_table *tables) {
     const spsi_frame *frame = job->frame;
     const int shadows = frame->lights.shadow_count;
@@ -21533,7 +21535,7 @@ typedef struct spsi_cell_spot {
     spsi_subslab part;
     spsi_v depth;    /* per sample */
     spsi_v scale[3]; /* extinction scale of their cells, by channel */
-    size_t row;      /* its first cell */
+    size_t row;      /* index of the first cell */
 } spsi_cell_spot;
 
 static void spsi_cell_spot_build(const spsi_shader *shader, double thickness, int x, int y, int k,
@@ -21551,14 +21553,15 @@ static void spsi_cell_spot_build(const spsi_shader *shader, double thickness, in
     spot->slab.leave = spsi_set(middle + half);
 }
 
-/* Mean transmittance with scaled extinction: peaks count as transmitted. `found`: optical depth in the middle. */
+/* Mean transmittance with scaled extinction: forward peaks count as transmitted. `found`: optical depth at sample
+   centres. */
 static spsi_v spsi_cell_spot_straight(const spsi_cell_spot *spot, spsi_v found, int channel) {
     const spsi_v half = spsi_mul(spot->depth, spsi_set(0.5f)), before = spsi_max(spsi_sub(found, half), spsi_set(0));
     const spsi_v from = spsi_mul(spot->scale[channel], before);
     return spsi_mean_transmittance(from, spsi_fma(spot->scale[channel], spot->depth, from));
 }
 
-/* Per channel. Beyond the table's end, depth is unknown and counts as opaque. */
+/* Transmittance per channel. Depths beyond the table's end are unknown and count as opaque. */
 static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *shadow, const spsi_cell_spot *spot,
                                   spsi_v passes[3]) {
     const spsi_v found = spsi_pixels_shadow(shadow, &spot->pixels, 0, spot->part.middle);
@@ -21593,7 +21596,7 @@ static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_light *li
     return spsi_div(scale, spsi_mul(square, spsi_light_falloff(&spot->pixels, &reach, 0, 3)));
 }
 
-/* Moments are weighted by optical depth. */
+/* Adds a light's moments, weighted by optical depth. */
 static void spsi_cells_add_light(const spsi_cell_job *job, const spsi_shadow *shadow, const spsi_cell_spot *spot) {
     const spsi_light *light = shadow->light;
     const int number = spsi_cells_light_of(job->grid, light->index);
@@ -21644,7 +21647,7 @@ static void spsi_cell_view_move(spsi_cell_view *view, int x, int y, int z) {
     spsi_cell_centre(view->grid, x, y, z, view->centre);
 }
 
-/* Begins a ray against a step. Returns 1 if that stays within the grid. */
+/* Begins a ray opposite to a step. Returns 1 if it stays within the grid. */
 static int spsi_cell_view_ray(const spsi_cell_view *view, const int step[3], spsi_ray *ray) {
     int within = 1;
     memcpy(ray->origin, view->centre, sizeof ray->origin);
@@ -21658,8 +21661,8 @@ static int spsi_cell_view_ray(const spsi_cell_view *view, const int step[3], sps
     return within;
 }
 
-/* True if light entering the grid here comes from a polygon. Each cell jitters its ray within the direction's solid
-   angle, so a floor covers half of a horizontal view. */
+/* True if light entering the grid along a direction comes from a polygon. Rays are jittered within its solid angle: a
+   floor covers half of a horizontal direction. */
 static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_direction *direction, int number,
                                   spsi_ray *ray, spsi_hit *hit) {
     const double count = number + 1 + 50.0 * view->at[0] + 50.0 * 509 * view->at[1] + 50.0 * 509 * 521 * view->at[2];
@@ -21682,7 +21685,7 @@ static int spsi_cell_view_near(const spsi_cell_view *first, int count) {
 
 #define SPSI_CELL_HITS (26 + SPSI_CELL_DIRECTIONS) /* per cell: links, and directions from outside */
 
-/* Polygons that a cell's links hit, weighted by nearness. */
+/* Polygons hit by a cell's rays, weighted by nearness. */
 typedef struct spsi_cell_hits {
     int count;
     spsi_surface surface[SPSI_CELL_HITS];
@@ -21764,7 +21767,7 @@ static int spsi_cell_wall_mean(const spsi_cell_grid *grid, const spsi_cell_wall 
     return spsi_normalise(normal);
 }
 
-/* Adds reflected first flights at the polygons' mean place. */
+/* Adds first flights reflected at the polygons' mean point. */
 static void spsi_cell_wall_fly(const spsi_cell_job *job, spsi_cell_wall *wall) {
     const spsi_cell_grid *grid = job->grid;
     double point[3], start[3], normal[3], irradiance[3] = {0, 0, 0};
@@ -21787,7 +21790,7 @@ static void spsi_cell_wall_set(const spsi_cell_job *job, const spsi_cell_hits *h
             wall->lit[c] += (float)(share * hits->color[i][c] * hits->lit[i][c] / SPSI_PI);
             sent += (float)(hits->color[i][c] * hits->lit[i][c]);
         }
-        if (hits->weight[i] > 0.1) wall->patch = spsi_fmax(wall->patch, sent); /* up to three edges away */
+        if (hits->weight[i] > 0.1) wall->patch = spsi_fmax(wall->patch, sent); /* hits up to three edges away */
         for (int k = 0; k < 3; ++k) {
             wall->place[k] += (float)(share * (hits->surface[i].point[k] - job->grid->corner[k]));
             wall->normal[k] += (float)(share * hits->surface[i].normal[k]);
@@ -21835,8 +21838,7 @@ static void spsi_cell_walls_task(void *data, int row) {
     }
 }
 
-/* Sets the polygons' radiance, minus ambient, with light from the cells if there is any yet. Returns the relative
-   change. */
+/* Sets the polygons' radiance minus ambient light. `lit`: 1 if cells light them. Returns the relative change. */
 static double spsi_cell_walls_send(const spsi_cell_job *job, int c, int lit) {
     const spsi_cell_grid *grid = job->grid;
     const double ambient = (double)job->frame->given.ambient[c];
@@ -21861,7 +21863,7 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c, int lit) {
 
 /* --- first flights --- */
 
-#define SPSI_BEAM_RINGS 12 /* per narrow beam, with as many rays each */
+#define SPSI_BEAM_RINGS 12 /* rings per narrow beam, and rays per ring */
 
 /* Unshadowed irradiance times the ray's cross section. */
 static void spsi_beam_light(const spsi_cell_job *job, const spsi_light *light, const spsi_ray *ray, double solid,
@@ -21975,8 +21977,8 @@ SPSI_COLD void spsi_beams_list(const spsi_cell_job *job, const spsi_light *light
     }
 }
 
-/* Turns lit patches into emitters, while there is room, and removes them from the sweep. Parallel rays sample polygons
-   at a link along an axis. A slanted wall counts by its normal's component: three axes sum to its area. */
+/* Turns lit patches into emitters while there is room, and removes them from the sweep. Parallel rays along each axis
+   sample polygons at closed links. Weighting by the normal's component makes three axes sum to a wall's area. */
 SPSI_COLD void spsi_patches_list(const spsi_cell_job *job, double covered, size_t most, spsi_tree_item *items) {
     const spsi_cell_grid *grid = job->grid;
     const int *size = grid->size, rays = (int)spsi_dmax(4, spsi_dmin(4 / covered, 64));
@@ -22011,15 +22013,15 @@ SPSI_COLD void spsi_patches_list(const spsi_cell_job *job, double covered, size_
     }
 }
 
-/* Sets the fraction of each cell's lit polygons that flies: swept, small patches cause ray effects. A patch is lit
-   cells joined by open links, and its dark rim, whose polygons may be partly lit. Less than 1/100 of the next cell's
-   light counts as dark, otherwise traces would join patches. Relative to the patch's light spread over the grid's
-   largest side, cells are swept up to 3 times, and fly from 6 on. This fades if patches cover 1/6 of the side, and ends
-   at 1/3. Returns the covered fraction; 0: nothing flies. */
+/* Sets the fraction of each cell's lit polygons that flies, since sweeping small patches causes ray effects. A patch is
+   lit cells joined by open links, and a dark, perhaps partly lit rim. Cells below 1/100 of a neighbour's light count as
+   dark, or faint light would join patches. Let M be the patch's light spread over the grid's largest side. Cells up to
+   3 M are swept; from 6 M on, they fly. This fades if patches cover 1/6 of the side, and ends at 1/3. Returns the
+   covered fraction; 0: nothing flies. */
 static double spsi_patches_find(const spsi_cell_job *job) {
     const int *size = job->grid->size, pitch = job->grid->pitch;
     const double side = (double)size[0] * size[1] * size[2] / spsi_imin(size[0], spsi_imin(size[1], size[2]));
-    spsi_cell_wall *walls = job->walls; /* queued: -1 - a cell: dark, at a rim */
+    spsi_cell_wall *walls = job->walls; /* queued: a cell, or -1 - a dark rim cell */
     double covered = 0;
     size_t count = 0, end = 0;
     const size_t cells = (size_t)(pitch * size[1] * size[2]);
@@ -22053,12 +22055,12 @@ static double spsi_patches_find(const spsi_cell_job *job) {
     return covered > 1e-6 && covered < 1.0 / 3 ? covered : 0;
 }
 
-/* Most cell edges along a ray. */
+/* Maximum cell edges a ray crosses. */
 static size_t spsi_beam_steps(const spsi_cell_grid *grid) {
     return (size_t)(grid->size[0] + grid->size[1] + grid->size[2]) + 2;
 }
 
-/* Serves all grids. */
+/* Builds trees of emitters for all grids. */
 static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     const spsi_frame *frame = job->frame;
     spsi_flights *trees = job->flights;
@@ -22152,7 +22154,7 @@ SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage 
         (spsi_shadow_table *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *tables);
     if (!job->shadows || !tables) return context->result;
     if (!job->later) memset(job->shadows, 0, (size_t)count * sizeof *job->shadows);
-    for (int i = 0; i < count; ++i) /* waiting ones were made for an earlier grid */
+    for (int i = 0; i < count; ++i) /* waiting tables were made for an earlier grid */
         if (!job->later || !tables[i].waits) memset(&tables[i], 0, sizeof tables[i]);
     context->cell_tmap_count = count;
     job->gas = spsi_has_shadow_tables(job->frame) ? spsi_gas_fingerprint(job->frame) : 0;
@@ -22170,10 +22172,11 @@ SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage 
 
 /* ==================================================================================================== >>solving
    34 Solving all grids. Cells are solved for the difference from ambient radiance A, with a source of -(1 - w') A. A
-   cloud without absorption thus vanishes exactly before a white sky. Cells and polygons light each other in turn, but
-   polygons not one another. Patches of the grid's sides hold what leaves it. Cost: >>cells; 64 rays per patch. */
+   cloud without absorption thus vanishes exactly against a white sky. Cells and polygons light each other in turn;
+   polygons do not light polygons. Patches of the grid's sides store the light leaving it. Cost: >>cells; 64 rays per
+   patch. */
 
-/* Least optical depth of emitting cells: their source is emission per depth. */
+/* Minimum optical depth of emitting cells, whose source is emission over depth. */
 #define SPSI_CELL_EMITTING 1e-4f
 
 static void spsi_cells_equations_task(void *data, int row) {
@@ -22270,10 +22273,11 @@ SPSI_COLD sps_result spsi_cell_solver_build(sps_context *context, const spsi_cel
 
 /* --- solving with polygons --- */
 
-#define SPSI_CELL_RETURNS 6    /* reflections by polygons, at most */
+#define SPSI_CELL_RETURNS 6    /* maximum reflections by polygons */
 #define SPSI_CELL_CHANGE  5e-3 /* tolerated relative change of polygons' radiance */
 
-/* Returns NULL if there is no room. `number`: index + 1; 0: new. The first bright channel sets the direction. */
+/* Returns NULL if there is no room. `number`: emitter index + 1; 0: new. The first bright channel sets its
+   direction. */
 static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int row, int *number) {
     static const int term[3] = {3, 1, 2};
     const spsi_cell_grid *grid = job->grid;
@@ -22285,7 +22289,7 @@ static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int
         double point[3], mean[3];
         spsi_emitter like;
         memset(&like, 0, sizeof like);
-        like.radius = (float)(0.645 * grid->edge); /* radius of a sphere with a cube's spread */
+        like.radius = (float)(0.645 * grid->edge); /* radius of a sphere with a cube's variance */
         for (int c = 0; c < 3; ++c) {
             like.sent[c] = 1;
             mean[c] = grid->terms > 1 ? sqrt(0.75) * (double)(sent[(size_t)term[c] * grid->count] / sent[0]) : 0;
@@ -22301,9 +22305,9 @@ static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int
     return *number ? &flights->emitters[*number - 1] : NULL;
 }
 
-/* Moves the light of exceptionally bright cells into emitters: swept, they cause ray effects. After self-absorption,
-   cells keep up to 4 times the grid's mean, and nothing from 8 times on. The mean covers all cells if at most 1/8 send,
-   and only senders from 1/4 on: many rays are wide. Returns 1 if there are emitters. */
+/* Moves the light of exceptionally bright cells into emitters, since sweeping it causes ray effects. After
+   self-absorption, cells keep all up to 4 times the grid's mean, nothing from 8 times on. The mean covers all cells if
+   at most 1/8 send, and only senders from 1/4 on: many senders form wide beams. Returns 1 if there are emitters. */
 static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
@@ -22346,8 +22350,9 @@ static void spsi_cells_send_emission(const spsi_cell_job *job, int channel, floa
         if (level->depth[at] > 0) level->sent[at] += fraction * emitted[at] / level->depth[at];
 }
 
-/* Takes first flights out of what cells send. `light`, for cells, loses the emitters' light that flies to cells; light
-   for polygons loses all of it, and emission for polygons only. Returns 0 if cells send as before. */
+/* Removes first flights from light that cells send. `light`, received by cells, loses the emitters' light that flies to
+   cells. Light for polygons loses all of it, and emission that flies only to polygons. Returns 0 if nothing is
+   removed. */
 static int spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *light) {
     spsi_cell_level *level = &job->solver->levels[0];
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;
@@ -22381,8 +22386,8 @@ static spsi_v spsi_cells_stop(const spsi_cell_level *level, const spsi_v before[
     return spsi_load(passes);
 }
 
-/* Marches rays through the cells; units are cells. found[0]: radiance; then single scattering by set, over the phase
-   function. Equal steps, at most 3/4 of an edge: longer ones are 3 % too bright next to a dense medium. */
+/* Marches rays; units are cells. found[0]: radiance; the rest: single scattering per set, over the phase function.
+   Steps are equal and at most 3/4 of an edge; longer ones are 3 % too bright next to a dense medium. */
 static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v from[3], const spsi_v way[3],
                                 spsi_v length, spsi_v found[1 + SPSI_CELL_SETS]) {
     const spsi_cell_level *level = &solver->levels[0];
@@ -22419,7 +22424,7 @@ static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v fro
     }
 }
 
-/* Trims a patch whose outermost cells polygons cut off from the side's middle. */
+/* Trims a patch where polygons cut off its outermost cells from the side's middle. */
 static void spsi_cell_patch_trim(const spsi_cell_wall *walls, const spsi_cell_grid *grid, int patch) {
     const int side = spsi_cell_patch_side(patch), axis = side / 2;
     const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
@@ -22467,8 +22472,8 @@ static void spsi_cells_place_patches(const spsi_cell_job *job) {
 }
 
 /* Light leaving a patch: pi times the radiance along rays from its centre. Dividing by the opacity of a uniform medium
-   removes the grid's shape. The smooth ratio is stored as harmonics, scaled to the rays' flux. Sums of opposite sign
-   count as 0, as on surfaces. */
+   removes the grid's shape. The smooth ratio is stored as harmonics, scaled to the rays' flux. Values whose sign
+   opposes the flux count as 0, as on surfaces. */
 static void spsi_cell_patches_task(void *data, int patch) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
@@ -22509,7 +22514,7 @@ static void spsi_cell_patches_task(void *data, int patch) {
     }
 }
 
-/* Subtracts single scattering by peaked lobes: patches send it by the phase function. */
+/* Subtracts single scattering by peaked lobes, which patches send by the phase function itself. */
 SPSI_COLD void spsi_cells_single_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
@@ -22534,7 +22539,7 @@ SPSI_COLD void spsi_cells_single_task(void *data, int row) {
     }
 }
 
-/* Without polygons inside, patches are scaled to the cells' net emission. */
+/* Unless polygons are inside, scales patches to the cells' net emission. */
 SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel) {
     spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
@@ -22561,12 +22566,12 @@ SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel) {
             apart += (double)(area * spsi_cell_patches_sent(grid, channel + i * grid->channels)[n]);
     }
     out *= job->solver->walled || !(fabs(found + apart) > 0) ? 0 : grid->edge * grid->edge / (found + apart);
-    /* absorption may cancel emission; lobes' light leaves in other directions, and is not scaled */
+    /* absorption may cancel emission; peaked lobes send elsewhere and are not scaled */
     out = out > 0 ? 1 + (spsi_dmin(spsi_dmax(out, 0.95), 1.05) - 1) * spsi_dmax(0, found / (found + apart)) : 1;
     for (int n = 0; n < (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET; ++n) sent[n] *= (float)out;
 }
 
-/* Light of cells alone: polygons do not light one another. */
+/* Excludes polygons' light, which polygons do not receive. */
 SPSI_COLD void spsi_cells_light_polygons(spsi_cell_job *job) {
     spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_wall *walls = level->walls;
@@ -22585,7 +22590,7 @@ SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cal
     spsi_call_stage each = *part;
     double last = 0;
     memset(level->depth, 0, (size_t)(solver->scratch - level->depth) * sizeof(float));
-    level->walls = job->frame->matter.scatters ? job->walls : NULL; /* other gas only takes their light */
+    level->walls = job->frame->matter.scatters ? job->walls : NULL; /* other media only absorb polygons' light */
     spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
     for (int n = 0; n < SPSI_CELL_RETURNS; ++n) {
         const double change = level->walls ? spsi_cell_walls_send(job, job->channel, n > 0) : 0;
@@ -22596,7 +22601,7 @@ SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cal
         each.progress += each.share;
         if (!level->walls) break;
         spsi_cells_light_polygons(job);
-        if (change * change < SPSI_CELL_CHANGE * last) break; /* the next change shrinks by as much */
+        if (change * change < SPSI_CELL_CHANGE * last) break; /* predicts the next change */
         last = change;
     }
     const int flies = grid->pyramid && spsi_cells_sweep_rest(job, job->channel, light);
@@ -22684,7 +22689,7 @@ static uint64_t spsi_light_fingerprint(uint64_t hash, const spsi_light *light) {
     return spsi_fingerprint(hash, light->color, sizeof light->color);
 }
 
-/* Returns 0 if an input may change without notice. Excludes the grids' places. */
+/* Returns 0 if an input may change without notice. Excludes the grids' positions. */
 static uint64_t spsi_scattered_fingerprint(const sps_context *context, const spsi_frame *frame) {
     const double knobs[] = {frame->view.slab_thickness, frame->accuracy.cut, frame->accuracy.shadow_texels,
                             frame->accuracy.flight_angle};
@@ -22731,7 +22736,7 @@ SPSI_COLD int spsi_scattered_take(sps_context *context, uint64_t key) {
     return held;
 }
 
-/* Weighted by emission. `parts`: grid cells per emitting cell; `depth`: across the emitting region. */
+/* Sums weighted by emission. `parts`: grid cells per emitting cell; `depth`: optical, across the emitting region. */
 typedef struct spsi_emission_sums {
     double sum, parts, depth;
 } spsi_emission_sums;
@@ -22799,10 +22804,9 @@ SPSI_COLD sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Chooses the lights that bring most to the medium. The strongest one left out lowers weights below twice its own, so
-   that weights reach 0 before lights swap. A point light's directions at two places must stand for a path. Its weight
-   rises from 0 at 1/4 of the longest side away to 1 at 1/2. Projectors, narrow cones and lights without shadows have
-   none. */
+/* Chooses the lights that contribute most to the medium. Weights fade below twice the strongest contribution left out,
+   and reach 0 before lights swap. A point light's directions at two points must represent a path. Its weight rises from
+   0 at 1/4 of the longest side away to 1 at 1/2. Projectors, narrow cones and lights without shadows have none. */
 static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *grids, int count) {
     const int most = count > 0 ? grids->light_count : 0;
     spsi_cell_light list[SPSI_CELL_SETS + 1], entry;
@@ -22853,7 +22857,7 @@ SPSI_COLD int spsi_cells_place_all(const sps_context *context, const spsi_frame 
     return count;
 }
 
-/* Gives all grids, for surfaces, one mean extinction scale. */
+/* Gives all grids one mean extinction scale, for surfaces. */
 SPSI_COLD void spsi_cells_share_scale(spsi_cell_grid *grids, int count) {
     for (int c = 0; c < grids[0].channels && count > 1; ++c) {
         double sum = 0, weight = 0;
@@ -22968,10 +22972,11 @@ SPSI_COLD sps_result spsi_cells_build(sps_context *context, const spsi_frame *fr
 }
 
 /* ================================================================================================= >>convolving
-   35 Filling and lighting the sheets of >>spreading, a chunk at a time. Sheets are as thick as texels are wide midway.
-   Light that a sheet passes on is stored at every plane. Cost: filling as for cells; one lookup per texel and sheet. */
+   35 Filling and lighting the sheets of >>spreading, a chunk at a time. Sheets are as thick as texels are wide at the
+   mean depth. The light leaving each sheet is stored. Cost: filling as for cells, and one lookup per texel and
+   sheet. */
 
-/* A light's face, >>spreading. */
+/* One face of a light's map, >>spreading. */
 typedef struct spsi_spread_job {
     sps_context *context;
     const spsi_frame *frame;
@@ -22989,7 +22994,7 @@ typedef struct spsi_spread_job {
     size_t plane;               /* floats per sheet */
     /* see spsi_spread_sheet: per sheet and, except for depth and reach, per channel */
     float *depth, *scattered, *turned, *back, *source, *open, *reach;
-    float *lit;  /* per channel: transmittance of polygons up to the sheet before */
+    float *lit;  /* per channel: transmittance of polygons up to the previous sheet */
     float *cone; /* transmittance of a spotlight's cone */
 } spsi_spread_job;
 
@@ -23079,9 +23084,9 @@ static void spsi_spread_light_task(void *data, int y) {
         }
 }
 
-/* Stores a channel's light at a plane. With scattering depth s and back scattering Q, two streams pass exp(s) / (1 +
-   Q). Of that, direct light is 1; `goes` is the rest per unit carried. A medium receives more than a surface: slanted
-   light by its cosine, and from behind half the back scattering so far. */
+/* Stores a channel's light at a plane. With scattering depth s and backscattering Q, two streams pass exp(s) / (1 + Q).
+   Direct light is 1 of that; `goes` is the rest per unit of carried flux. A medium receives more than a surface:
+   slanted light over its cosine, and half of the backscattering so far. */
 static void spsi_spread_keep(const spsi_spread_job *job, int c, int plane) {
     const spsi_spread *spread = job->spread;
     const spsi_spread_light *light = &job->flow[c];
@@ -23134,7 +23139,7 @@ SPSI_COLD int spsi_spread_fineness(const spsi_frame *frame, const spsi_spread *s
     return fine;
 }
 
-/* Returns 0 if texels are too much alike. */
+/* Returns 0 if texels cannot be told apart. */
 SPSI_COLD int spsi_spread_aim_fine(const spsi_spread *spread, int face, int fine, spsi_rays *rays, spsi_slabs *slabs) {
     const spsi_rays *texels = &spread->map.rays[face];
     const double per_length = spsi_length(texels->inverse[2]);
@@ -23198,7 +23203,6 @@ SPSI_COLD sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const
 
 SPSI_COLD int spsi_spread_sheets_most(int texels) { return 2 * texels; }
 
-/* Sheets are as thick as texels are wide midway. */
 SPSI_COLD sps_result spsi_spread_aim(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                      spsi_spread *spread) {
     const spsi_light_grid *range = &spread->map;
@@ -23207,7 +23211,7 @@ SPSI_COLD sps_result spsi_spread_aim(sps_context *context, const spsi_frame *fra
     spread->light = light;
     spread->channels = frame->channels;
     if (spsi_light_grid_aim(context, frame, &coarse, &spread->map)) return context->result;
-    if (spread->map.face_count > 1) { /* a cube has twice as many around as across */
+    if (spread->map.face_count > 1) { /* a cube has twice as many texels around as across */
         coarse.map_size = spsi_imax(16, coarse.map_size / 2);
         if (spsi_light_grid_aim(context, frame, &coarse, &spread->map)) return context->result;
     }
@@ -23312,7 +23316,7 @@ SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Bytes of a light's map for a plan: of the map itself once gas is read. */
+/* Bytes of a light's map for a plan: an upper bound until the medium is read. */
 static void spsi_plan_tmap_bytes(sps_context *context, const spsi_frame *frame, const spsi_light *light, int is_read,
                                  size_t *held, size_t *filling) {
     spsi_shadow_table table;
@@ -23326,7 +23330,7 @@ static void spsi_plan_tmap_bytes(sps_context *context, const spsi_frame *frame, 
                          held, filling);
 }
 
-/* Places grids for a plan. Until everything is read, all are cubes. */
+/* Places grids for a plan. Until everything is read, all count as cubes. */
 static int spsi_cells_plan_grids(const sps_context *context, const spsi_frame *frame, int is_read,
                                  spsi_cell_grid *grids) {
     const spsi_bounds bounds = frame->content->bounds;
@@ -23344,7 +23348,7 @@ static int spsi_cells_plan_grids(const sps_context *context, const spsi_frame *f
     return SPSI_CELL_GRIDS;
 }
 
-/* Counts cells for a plan. */
+/* Counts the cells' bytes for a plan. */
 SPSI_COLD void spsi_cells_count(sps_context *context, const spsi_frame *frame, int is_read, size_t *bytes) {
     spsi_cell_grid grids[SPSI_CELL_GRIDS];
     const int count = spsi_cells_plan_grids(context, frame, is_read, grids);
@@ -23405,7 +23409,7 @@ typedef struct spsi_region {
     int x0, y0, columns, rows; /* tiles */
     uint64_t *open;            /* per tile: bits of patches with unfinished rays */
     int outside;               /* tiles outside of the sweep's part */
-    float (*polygon_range)[3]; /* per tile: polygons' slab range, and least depth */
+    float (*polygon_range)[3]; /* per tile: polygons' slab range and minimum depth */
 } spsi_region;
 
 #define SPSI_REGION_TILE_BYTES (sizeof(uint64_t) + 3 * sizeof(float))
@@ -23416,7 +23420,7 @@ typedef struct spsi_run {
     spsi_contents contents;
     spsi_target eye;
     spsi_sliced sliced;     /* shadow of the sweep's light */
-    int has_sliced;         /* 1: medium casts that shadow */
+    int has_sliced;         /* 1: a medium casts that shadow */
     spsi_shader shader;
     spsi_shadow *shadows;
     spsi_sample *samples;   /* scratch memory */
@@ -23433,7 +23437,7 @@ static const float *spsi_tile_depth(const spsi_run *run, int x0, int y0) {
     return shader->depth + (size_t)(y0 - shader->y_origin) * (size_t)shader->pitch + (size_t)(x0 - shader->x_origin);
 }
 
-/* Patches with unfinished rays. */
+/* Bits of patches with unfinished rays. */
 static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
     const spsi_shader *shader = &run->shader;
     return spsi_patches_unfinished(spsi_tile_depth(run, x0, y0), (size_t)shader->pitch,
@@ -23441,7 +23445,7 @@ static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
                                    spsi_imin(SPSI_TILE_HEIGHT, shader->eye->height - y0), shader->end_depth);
 }
 
-/* Clips at the near plane, and at polygons in the chunk or nearer to the eye. */
+/* Clips the medium at the near plane, and at polygons in the chunk or nearer. */
 static void spsi_tile_limit(const spsi_run *run, int index, spsi_tile *tile) {
     const spsi_rays *eye = &run->shader.frame->content->eye;
     const float *range = run->region.polygon_range[index];
@@ -23486,7 +23490,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!touched && !polygons) return;
     const spsi_shading shading = {&run->shader, &tile, scratch, touched ? SPSI_CHUNK : 0, run->low, run->high};
     for (int x = x0; x < spsi_imin(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
-        for (int y = y0; y < spsi_imin(height, y0 + SPSI_TILE_HEIGHT); ++y) { /* down: see spsi_plane_light */
+        for (int y = y0; y < spsi_imin(height, y0 + SPSI_TILE_HEIGHT); ++y) { /* downwards: see spsi_plane_light */
             if (tile.open & spsi_patches(&tile, x, y, x + SPSI_LANES - 1, y))
                 shaded += (uint64_t)spsi_shade_pixels(&shading, x, y, spsi_imin(SPSI_LANES, width - x));
             if ((y + 1) % tick_rows == 0) spsi_task_tick(run->context);
@@ -23496,7 +23500,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!run->shader.sweep->back_to_front) region->open[index] = spsi_tile_open(run, x0, y0);
 }
 
-/* Also opens the tile's patches. */
+/* Sets polygon_range and opens the tile's patches. */
 static void spsi_polygon_range_task(void *data, int index) {
     spsi_run *run = (spsi_run *)data;
     spsi_region *region = &run->region;
@@ -23541,7 +23545,7 @@ SPSI_COLD sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
     return spsi_sliced_begin(context, shader->frame, shader->sweep, shader->faces, &run->contents, &run->sliced);
 }
 
-/* Lays out planes of a back-to-front sweep. The measured `whole` stays from the pass before. */
+/* Lays out planes of a back-to-front sweep. `whole`, measured by the pass before, is kept. */
 SPSI_COLD void spsi_run_again(const spsi_frame *frame, size_t pixels, float *memory, spsi_multiple *again) {
     const size_t channels = (size_t)frame->channels;
     again->whole = memory;
@@ -23595,7 +23599,7 @@ SPSI_COLD sps_result spsi_run_scratch(sps_context *context, spsi_run *run) {
     return run->samples && run->arrivals ? SPS_OK : context->result;
 }
 
-/* Counters follow the run. */
+/* Counters follow the run in memory. */
 static spsi_run *spsi_run_reserve(sps_context *context) {
     const size_t counters = (size_t)spsi_worker_count(context) * sizeof(uint64_t);
     return (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, sizeof(spsi_run) + counters);
@@ -23707,14 +23711,14 @@ SPSI_COLD sps_result spsi_run_sweep(spsi_run *run, const spsi_call_stage *part) 
 
 /* =============================================================================================== >>budget
    37 Choosing settings within a budget, from three ladders of presets: medium, points of area lights, and cells. Time
-   is each stage's work times the rate last measured on that preset, or the nearest, or start values. Finer settings
-   never count as faster, except for cached parts and coarse slabs that were splatted. Error is twice the worst of a
-   list of scenes, added by squares; tests/budget.c prints both tables (make budget-fit). Cost: aiming lights and
-   placing slabs per preset of medium and points. */
+   is each stage's work times the rate last measured on that preset, or the nearest, or a start value. Finer settings
+   never count as faster, except for cached parts and splatted coarse slabs. Error is twice the worst of a list of
+   scenes, added in quadrature; tests/budget.c prints both tables (make budget-fit). Cost: aiming lights and placing
+   slabs per preset of medium and points. */
 
 /* --- presets --- */
 
-/* Slabs in voxels, 0: set by quality. */
+/* Slab thickness in voxels; 0: set by quality. */
 typedef struct spsi_preset {
     sps_quality quality;
     double slab_thickness;
@@ -23781,7 +23785,7 @@ SPSI_COLD double spsi_covered_pixels(const spsi_frame *frame) {
     return area;
 }
 
-/* Returns the number of slabs; 0: nothing to cut; infinity: rendering would refuse. */
+/* Number of slabs; 0: no medium; infinity: rendering would refuse. */
 SPSI_COLD double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *sweep) {
     const double edge = spsi_sweep_begin(frame, n, 0, sweep);
     double count;
@@ -23810,7 +23814,7 @@ SPSI_COLD void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
     }
 }
 
-/* Bytes of a light's table if it is cached, or 0. `gas`: fingerprint of the medium. */
+/* Bytes of a light's cached table, or 0. `gas`: fingerprint of the medium. */
 SPSI_COLD size_t spsi_table_cached_bytes(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                          uint64_t gas) {
     const spsi_shadow_table *held = (const spsi_shadow_table *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
@@ -23839,7 +23843,7 @@ SPSI_COLD void spsi_work_add_maps(sps_context *context, const spsi_frame *frame,
     }
 }
 
-/* Doubled by polygons; 0 without multiple scattering. */
+/* Work of cells, doubled by polygons; 0 without multiple scattering. */
 SPSI_COLD double spsi_work_cells(const spsi_frame *frame) {
     spsi_cell_grid grid;
     if (!spsi_uses_cells(frame) && !spsi_convolves(frame)) return 0;
@@ -23847,10 +23851,10 @@ SPSI_COLD double spsi_work_cells(const spsi_frame *frame) {
     return (double)frame->channels * grid.size[0] * grid.size[1] * grid.size[2] * (frame->meshes.count > 0 ? 2 : 1);
 }
 
-/* Overhead of a stage: some tenths of a millisecond, from frames of one pixel. */
+/* Overhead per stage in units of work: tenths of a millisecond, from one-pixel frames. */
 static const double spsi_fixed_units[SPSI_STAGE_COUNT] = {1e4, 1e4, 5e3, 3e4, 100, 100, 3e4, 1e4};
 
-#define SPSI_DEPTH_TEXEL_UNITS 0.15 /* depth map texel, in pixels */
+#define SPSI_DEPTH_TEXEL_UNITS 0.15 /* cost per texel, in pixels */
 
 SPSI_COLD void spsi_work_add_surfaces(const spsi_frame *frame, spsi_work *work) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
@@ -23884,7 +23888,7 @@ SPSI_COLD void spsi_work_count(sps_context *context, spsi_frame *frame, double v
         if (work->units[stage] > 0) work->units[stage] += spsi_fixed_units[stage];
 }
 
-/* Seconds per unit and worker until measured, by preset. */
+/* Seconds per unit for one worker, by preset, until measured. */
 static const double spsi_start_rates[SPSI_STAGE_COUNT][SPSI_PRESETS] = {
     {40e-9, 40e-9, 40e-9, 40e-9, 40e-9, 40e-9, 40e-9},     {22e-9, 22e-9, 22e-9, 26e-9, 40e-9, 40e-9, 33e-9},
     {21e-9, 19e-9, 21e-9, 39e-9, 58e-9, 59e-9, 71e-9},     {20e-9, 11e-9, 8.2e-9, 4.4e-9, 3.5e-9, 3.5e-9, 4.7e-9},
@@ -23904,7 +23908,7 @@ SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const s
         for (int sign = -1; sign <= 1; sign += 2) {
             const int at = preset + sign * away;
             if (at < 0 || at >= SPSI_PRESETS || !(known[at] > 0)) continue;
-            /* splatted thick slabs tell nothing about others */
+            /* splatted thick slabs say nothing about others */
             if (away == 0 || cells || !context->pace.splats[at]) return known[at] * (start[preset] / start[at]);
         }
     return start[preset] / spsi_worker_count(context);
@@ -23912,17 +23916,17 @@ SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const s
 
 /* --- expected error --- */
 
-/* Twice the worst root mean square error relative to the mean, had the medium filled the image. Scenes include a puff
-   of 25 voxels. The thickest slabs have three times: they vary most around a light. The finest presets include detail
-   that voxels do not resolve. */
+/* Twice the worst RMS error relative to the mean, had the medium filled the image. Scenes include a puff of 25 voxels.
+   The thickest slabs have three times the worst: they vary most around a light. The finest presets include detail that
+   voxels do not resolve. */
 static const double spsi_gas_errors[2][SPSI_PRESETS] = {{0.4, 0.2, 0.055, 0.02, 0.006, 0.004, 0.0035},
                                                         {0.14, 0.14, 0.14, 0.07, 0.036, 0.029, 0.028}};
-/* Spheres in shadowed light, per optical depth of diameters. */
+/* Spheres in shadowed light, per optical depth of a diameter. */
 static const double spsi_sphere_errors[SPSI_PRESETS] = {5, 3.1, 1.7, 0.83, 0.26, 0.26, 0.097};
 static const double spsi_point_errors[SPSI_POINT_PRESETS] = {0.31, 0.11, 0.038, 0.014};
 static const double spsi_cell_errors[SPSI_CELL_PRESETS] = {0.28, 0.13, 0.065, 0.043};
 
-/* Below the lowest preset, error scales with the points' distance. */
+/* Below the lowest preset, error scales with the points' spacing. */
 SPSI_COLD double spsi_light_error(const spsi_light *light, const spsi_setting *setting) {
     int at = 0;
     if (!light->extent.exists || !light->shadows) return 0;
@@ -23931,7 +23935,7 @@ SPSI_COLD double spsi_light_error(const spsi_light *light, const spsi_setting *s
     return spsi_point_errors[at] * spsi_dmax(1, sqrt((double)spsi_point_presets[0] / light->samples));
 }
 
-/* Mean along diameters of scattering particles, weighted by the light each receives. 0 before they are read. */
+/* Mean optical depth of scattering particles' diameters, weighted by the light each intercepts. 0 until read. */
 SPSI_COLD double spsi_spheres_depth(const spsi_frame *frame) {
     double sum = 0, weights = 0;
     for (int i = 0, n = 0; i < frame->particles.set_count && frame->content->particle_count > 0; ++i) {
@@ -23947,8 +23951,8 @@ SPSI_COLD double spsi_spheres_depth(const spsi_frame *frame) {
     return weights > 0 ? sum / weights : 0;
 }
 
-/* Before black, a medium with relative error e, covering a fraction c of the pixels, has error e / sqrt(c) in the
-   image. Out of view, it may shade polygons. `spheres`: depth of particles. */
+/* Against black, a medium with relative error e, covering a fraction c of the pixels, has error e / sqrt(c) in the
+   image. Out of view, it may still shade polygons. `spheres`: from spsi_spheres_depth. */
 SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting *setting, double spheres) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     const double covered = spsi_dmin(spsi_covered_pixels(frame), pixels);
@@ -23956,7 +23960,7 @@ SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting
     const int again = spsi_uses_cells(frame) || spsi_convolves(frame);
     const double cells = again ? spsi_cell_errors[setting->cells] : 0;
     const double sphere = frame->lights.shadow_count > 0 ? spsi_sphere_errors[setting->gas] * spheres : 0;
-    double gas = 0, points = 0, most = 0; /* voxel depth: puffs of 0.5 to 3.2 err 1.1 to 3.2 times the table's */
+    double gas = 0, points = 0, most = 0; /* depth per voxel; puffs of 0.5 to 3.2 err 1.1 to 3.2 times the table */
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
         if (!material->table)
@@ -23986,7 +23990,7 @@ SPSI_COLD spsi_setting spsi_candidate_setting(int n) {
     return setting;
 }
 
-/* Within the budget, the better open quantity wins; otherwise, the nearer to the budget. */
+/* Within the budget, the smaller unbudgeted quantity wins; otherwise, the candidate nearer to the budget. */
 SPSI_COLD int spsi_candidate_beats(const sps_view *view, const spsi_candidate *a, const spsi_candidate *b) {
     const int timed = view->budget_seconds > 0;
     const double most = timed ? view->budget_seconds : view->budget_error;
@@ -24023,7 +24027,7 @@ static void spsi_candidate_time(const sps_context *context, const spsi_work *wor
     }
 }
 
-/* Starts at `first`. `work` has everything but cells. */
+/* Rates candidates from `first` on, by cell preset. `work` lacks cells. */
 SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, double spent, double spheres,
                                     spsi_work *work, int first, spsi_candidate *candidates) {
     const spsi_setting *only = context->pace.only;
@@ -24042,7 +24046,7 @@ SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, dou
     }
 }
 
-/* Largest bound one preset below if `sign` is 1, least above if -1. */
+/* Maximum bound one preset below if `sign` is 1, minimum one above if -1. */
 SPSI_COLD double spsi_candidate_bound(const double *bounds, int n, int sign) {
     static const int strides[3] = {SPSI_POINT_PRESETS * SPSI_CELL_PRESETS, SPSI_CELL_PRESETS, 1};
     static const int sizes[3] = {SPSI_PRESETS, SPSI_POINT_PRESETS, SPSI_CELL_PRESETS};
@@ -24055,9 +24059,9 @@ SPSI_COLD double spsi_candidate_bound(const double *bounds, int n, int sign) {
     return bound;
 }
 
-/* Makes time rise with quality, except for cached parts. A measured setting bounds unknown neighbours; otherwise the
-   finer bounds the coarser. Start values come from scenes with another split between stages. Splatted thick slabs bound
-   nothing: gathering thinner ones may be faster. */
+/* Makes time rise with quality, except for cached parts. Measured settings bound unmeasured neighbours; otherwise, the
+   finer bounds the coarser. Start values come from scenes that split time differently between stages. Splatted thick
+   slabs bound nothing: gathering thinner ones may be faster. */
 SPSI_COLD void spsi_candidates_order(const spsi_rates *pace, spsi_candidate *candidates) {
     double bounds[SPSI_CANDIDATES];
     for (int n = 0; n < SPSI_CANDIDATES; ++n) {
@@ -24091,7 +24095,8 @@ SPSI_COLD void spsi_budget_report(const spsi_frame *frame, const spsi_candidate 
         spsi_uses_cells(frame) || spsi_convolves(frame) ? frame->view.scattering_resolution : 0;
 }
 
-/* `spent`: seconds until everything is read. If nothing can be rendered, the coarsest setting is refused later. */
+/* `spent`: seconds until everything is read. If nothing can be rendered, chooses the coarsest setting, which is refused
+   later. */
 SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, double spent, double voxels,
                                         sps_budget_report *report) {
     const spsi_setting *only = context->pace.only;
@@ -24252,7 +24257,7 @@ static void spsi_add_pixel(const spsi_run *run, int x, int y, size_t at, float c
 
 #define SPSI_SUM_ROWS 8 /* rows per task */
 
-/* Some rows of the region, within the sweep's part. */
+/* Adds a task's rows, within the sweep's part. */
 static void spsi_sum_task(void *data, int index) {
     const spsi_run *run = (const spsi_run *)data;
     const spsi_shader *shader = &run->shader;
@@ -24285,7 +24290,7 @@ static void spsi_write_image(const spsi_frame *frame, const float *total, const 
         }
 }
 
-/* The medium's middle, where lookups need precision, or else the polygons'. */
+/* Puts depth_reference at the medium's middle, where lookups need precision, or else the polygons'. */
 SPSI_COLD void spsi_eye_reference(const spsi_frame *frame) {
     spsi_bounds all = frame->content->bounds;
     double centre[3], q[3];
@@ -24346,7 +24351,7 @@ SPSI_COLD sps_result spsi_sweep_once(sps_context *context, const spsi_picture *p
     return SPS_OK;
 }
 
-/* Counters of workers, and results of shadow rays. */
+/* Workers' counters, and results of shadow rays. */
 static uint64_t *spsi_visibility_reserve(sps_context *context, size_t places, int bytes_per_place) {
     size_t bytes = (size_t)spsi_worker_count(context) * sizeof(uint64_t);
     spsi_bytes_add(&bytes, places, (size_t)bytes_per_place);
@@ -24471,9 +24476,8 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
 }
 
 /* ================================================================================================= >>plan
-   39 A scene's passes, and why each runs or not. Call counts are exact, bytes are upper bounds: the same reservations
-   are counted as rendering makes. Volumes count as their blocks in range, triangles by their number; particles are
-   read. */
+   39 A scene's passes, and why each runs or not. Call counts are exact; bytes are upper bounds, from the reservations
+   that rendering would make. Volumes count by their blocks in range, triangles by their number; particles are read. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
     "gather",      "projectors", "eye polygons", "layers",     "textures",  "light polygons", "triangle tree",
@@ -24530,7 +24534,8 @@ SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* Places pyramids that decide on filling: cached, or estimated from bricks, adjacent or apart, whichever is less. */
+/* Places pyramids that decide on filling: cached ones, or estimates from bricks, adjacent or apart, whichever take
+   less. */
 SPSI_COLD sps_result spsi_plan_pyramids(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     if (!spsi_pyramids_wanted(frame)) return SPS_OK;
     if (reading->held) return spsi_pyramids_place(context, frame);
@@ -24580,7 +24585,7 @@ static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *fra
     if (particles > 0) spsi_queue_reserve(context, SPSI_BUFFER_PARTICLE_QUEUE, particles, chunks, &contents.particles);
 }
 
-/* Counts penumbrae even if they may turn out sharp. Until voxels are read, beams are twice as wide as sheets. */
+/* Counts penumbrae even if they may turn out sharp. Until voxels are read, beams count as twice as wide as sheets. */
 SPSI_COLD sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                               const spsi_reading *reading, sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0;
@@ -24613,7 +24618,7 @@ static const char *const spsi_filling_reasons[] = {"splatted: view.filling asks 
                                                    "gathered: view.filling asks for it",
                                                    "gathered: samples cost less than footprints would"};
 
-/* Explains how volumes fill a target. `again`: joins earlier sheets of the kind. */
+/* Explains how volumes fill a target. `again`: 1 for later sheets of the kind. */
 SPSI_COLD void spsi_plan_filling(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
                                  spsi_target_kind kind, int again, int *gathered, const char **why) {
     const char *first = NULL;
@@ -24629,7 +24634,7 @@ SPSI_COLD void spsi_plan_filling(const spsi_frame *frame, const spsi_rays *rays,
     *gathered = spsi_imax(*gathered, count);
 }
 
-/* Samples for cells, or for the first spread light. Returns 0 if there is neither, or on failure. */
+/* Aims samples for cells or the first spread light. Returns 0 if there is neither, or on failure. */
 SPSI_COLD int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_rays *rays, spsi_slabs *slabs) {
     spsi_cell_grid grid;
     spsi_spread spread;
@@ -24644,8 +24649,8 @@ SPSI_COLD int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_
     return 0;
 }
 
-/* Depth maps of a sweep, or of all lights at once for cells (`sweep` NULL). Until volumes are read, a light's may have
-   one face or six. */
+/* Counts depth maps of a sweep, or of all lights for cells (`sweep` NULL). Until volumes are read, a light's map may
+   have one face or six. */
 static void spsi_plan_depth_maps(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep, int is_read,
                                  sps_plan_report *report) {
     const int size = spsi_depth_map_size(frame);
@@ -24834,10 +24839,10 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
                    polygons ? "no light" : "no triangles");
 }
 
-/* Excludes sweeps. */
+/* Polygons' bytes, without sweeps. */
 static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
     const size_t pixels = spsi_ray_count(&frame->content->eye), triangles = frame->meshes.triangle_count;
-    int bytes = 0; /* per place */
+    int bytes = 0; /* per shading point */
     spsi_face_lists lists;
     spsi_faces faces;
     spsi_visible visible;
@@ -24881,10 +24886,10 @@ SPSI_COLD void spsi_plan_tmaps(sps_context *context, const spsi_frame *frame, co
     report->pass[SPS_PASS_LIGHT_MAPS].bytes += most;
 }
 
-/* Bytes outside the sweeps, unless cached. What the context holds counts where it exceeds the plan. */
+/* Bytes outside the sweeps, unless cached. Existing buffers count where they exceed the plan. */
 SPSI_COLD void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const spsi_reading *reading,
                                sps_plan_report *report) {
-    report->bytes = sizeof *context + context->stats.bytes + 2 * SPSI_BUFFER_COUNT * SPSI_LINK_BYTES; /* and maps' */
+    report->bytes = sizeof *context + context->stats.bytes + 2 * SPSI_BUFFER_COUNT * SPSI_LINK_BYTES; /* maps' too */
     context->counted = &report->pass[SPS_PASS_GATHER].bytes;
     spsi_plan_gather_bytes(context, frame, reading);
     context->counted = &report->pass[SPS_PASS_PROJECTORS].bytes;
@@ -24972,21 +24977,22 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
 #ifndef SPLATSHADOW_NO_REFERENCE
 
 /* ============================================================================================ >>reference
-   40 Brute-force reference in double precision. f(p) is summed over all voxels within SPSI_REFERENCE_REACH and marched
-   at midpoints of equal steps, with a shadow ray per sample. Triangles and spheres are intersected exactly, through
-   trees of boxes. The response of samples (in floats) and surfaces to light and the ray-triangle test (>>polygons) are
-   the renderer's. Second order in the step. Rays march in rounds between translucent triangles, so that shade_fn serves
-   all pixels in between. Cost: pixels * samples per ray * (1 + lights * samples per shadow ray) * 343 voxels. */
+   40 Brute-force reference in double precision. The field is summed over all voxels within SPSI_REFERENCE_REACH and
+   marched at midpoints of equal steps, with a shadow ray per sample. Triangles and spheres are intersected exactly,
+   through trees of boxes. The response of samples (in floats) and surfaces to light and the ray-triangle test
+   (>>polygons) are the renderer's. Second-order accurate in the step. Rays march in rounds between translucent
+   triangles, so that shade_fn serves all pixels in between. Cost: pixels * samples per ray * (1 + lights * samples per
+   shadow ray) * 343 voxels. */
 
 #define SPSI_REFERENCE_REACH  3.25 /* voxels, 5 standard deviations: 2e-6 of the kernel's mass is beyond */
 #define SPSI_REFERENCE_TAPS   8
 #define SPSI_MARCH_SHARE      0.25 /* part of a call's progress, if paths follow */
-#define SPSI_REFERENCE_POINTS 64   /* per area light and place */
+#define SPSI_REFERENCE_POINTS 64   /* per area light and point */
 #define SPSI_MARCH_ROUNDING   1e-6 /* relative: colors and bounds are floats */
 
 typedef struct spsi_dense {
     float *values;
-    float *most;          /* per brick: maximum with neighbours */
+    float *most;          /* per brick: maximum, with neighbours */
     float *bound;         /* per brick: upper bound of extinction, for paths */
     double all_most;      /* maximum value, for bounds */
     int size[3];          /* voxels */
@@ -24999,25 +25005,25 @@ typedef struct spsi_enclosure {
     double low, high;
 } spsi_enclosure;
 
-/* A shadow ray's way through medium. */
+/* A shadow ray's path through media. */
 typedef struct spsi_shade {
     spsi_enclosure depth;
     double way;                                              /* length in the medium's bounds */
     double half[SPSI_VOLUMES_MAX], middle[SPSI_VOLUMES_MAX]; /* for bounds: integrals of nearby voxels' range */
 } spsi_shade;
 
-/* A pixel's ray. Low and high differ only with bounds. */
+/* A pixel's ray. Without bounds, enclosures are points. */
 typedef struct spsi_walker {
     spsi_enclosure colors[3];      /* sums over finished samples */
     double coverage, distance_sum; /* likewise */
     double paths[3], squares[3];   /* sums over paths: radiance and its square */
-    spsi_enclosure radiance[3];    /* light from before `low` */
-    spsi_enclosure scattered[3];   /* medium's light there, if bounded */
-    double source[3];              /* its greatest radiance, were it opaque */
+    spsi_enclosure radiance[3];    /* light from in front of `low` */
+    spsi_enclosure scattered[3];   /* the medium's light there, with bounds */
+    double source[3];              /* its maximum radiance, were it opaque */
     double filter[3];              /* transmittance of its polygons */
     spsi_enclosure gas;            /* optical depth of its medium */
     double distance;               /* weighted by absorption */
-    double low, high;              /* part before the next face, world length */
+    double low, high;              /* segment before the next face, world length */
     double depth;                  /* t - depth_reference of the next face; infinity: none */
     spsi_hit hit;                  /* next face */
     int ended;                     /* 1: nothing more is visible */
@@ -25031,11 +25037,11 @@ typedef struct spsi_marcher {
     int part_count;                     /* volumes, then sets of particles */
     const sps_reference_settings *settings;
     int forward;          /* 1: forward multiple scattering, in closed form */
-    double step;          /* most, in world length */
+    double step;          /* maximum, in world units */
     spsi_bounds bounds;
-    int light_count;      /* bounds: lights that volumes scatter */
+    int light_count;      /* for bounds: lights that volumes scatter */
     float *total;         /* spsi_total_floats per pixel of the region */
-    int first_row;        /* batch's, in the region */
+    int first_row;        /* batch's first row, in the region */
     spsi_walker *walkers; /* per pixel of the region */
     int side;             /* samples per pixel side */
     int sample;
@@ -25047,7 +25053,7 @@ typedef struct spsi_marcher {
     const double *glow;   /* cumulative emission of rows of voxels, then of particles, for paths */
     size_t glow_count;
     double glow_sum; /* total; 0: nothing emits */
-    /* After `halvings` halvings. Returns 0 if the rest is hidden. */
+    /* Follows a step after `halvings` halvings. Returns 0 if the rest is hidden. */
     int (*follow)(const struct spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
                   spsi_walker *walker);
     void (*shade)(const struct spsi_marcher *marcher, int m, const spsi_ray *part, spsi_shade *shade);
@@ -25058,7 +25064,7 @@ SPSI_COLD spsi_enclosure spsi_enclosure_of(double low, double high) {
     return interval;
 }
 
-/* Adds low..high >= 0. */
+/* Adds low..high, both >= 0. */
 SPSI_COLD void spsi_enclosure_add(spsi_enclosure *sum, double low, double high) {
     sum->low += low;
     sum->high += high;
@@ -25071,7 +25077,7 @@ SPSI_COLD spsi_enclosure spsi_enclosure_transmittance(spsi_enclosure depth) {
 
 /* --- the field --- */
 
-/* Gaussian weights, the first `d` standard deviations before a place. `slopes`: derivatives, or NULL. Ratios of
+/* Gaussian weights, the first `d` standard deviations before a point. `slopes`: derivatives, or NULL. Ratios of
    neighbouring weights change by a constant factor. */
 static void spsi_gauss_taps(double d, int count, double *weights, double *slopes) {
     const double step = 1 / SPSI_SIGMA, bend = exp(-step * step);
@@ -25112,7 +25118,7 @@ static int spsi_vicinity_place(const spsi_dense *grid, const double point[3], do
     return 1;
 }
 
-/* f at a world point, from voxels within `reach`. `gradient`: in the world, or NULL. `range`: least and greatest of
+/* f at a world point, from voxels within `reach`. `gradient`: in world space, or NULL. `range`: minimum and maximum of
    these voxels, or NULL. Rows are summed before weighting along x: independent sums are faster. */
 static double spsi_field(const spsi_dense *grid, const double point[3], double reach, double gradient[3],
                          float range[2]) {
@@ -25123,7 +25129,7 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double r
     if (gradient) memset(gradient, 0, 3 * sizeof(double));
     if (range) range[0] = range[1] = 0;
     if (!spsi_vicinity_place(grid, point, reach, gradient != NULL, &v)) return 0;
-    const int whole = v.count[0] + v.count[1] + v.count[2] == 3 * SPSI_REFERENCE_TAPS; /* 0: 0 beyond the edge */
+    const int whole = v.count[0] + v.count[1] + v.count[2] == 3 * SPSI_REFERENCE_TAPS; /* else 0 beyond the edge */
     for (int x = 0; x < SPSI_REFERENCE_TAPS; ++x) low[x] = whole ? FLT_MAX : 0;
     for (int z = 0; z < v.count[2]; ++z)
         SPSI_ROLLED for (int y = 0; y < v.count[1]; ++y) {
@@ -25154,8 +25160,8 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double r
     return sum;
 }
 
-/* Chord through a sphere, with s in -1..1. Optical depth is the chord's times s / 2 for density 1. For density 1 - (r /
-   radius)^2, it is times 3 s / 4 - s^3 / 4. */
+/* Chord through a sphere, along s in -1..1. Optical depth from the middle is the chord's times s / 2 for density 1. For
+   density 1 - (r / radius)^2, it is times 3 s / 4 - s^3 / 4. */
 typedef struct spsi_ray_chord {
     double depth;
     double middle, half; /* where s is 0; half length */
@@ -25180,7 +25186,7 @@ static int spsi_ray_chord_in_sphere(const spsi_ray *ray, const sps_particle *par
     return 1;
 }
 
-/* `depths`: per set. */
+/* `depths`: per set; returns their sum. */
 static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
     const spsi_frame *frame = marcher->frame;
     double sum = 0;
@@ -25209,7 +25215,7 @@ static double spsi_march_ray(const spsi_rays *eye, double x, double y, spsi_ray 
     return length;
 }
 
-/* Intersects a face like the rasteriser, but in double precision. Faces are ordered by depth, then number: the hit must
+/* Intersects a face like the rasteriser, but in double precision. Faces are ordered by depth, then index: the hit must
    lie between `after` and `nearest`. */
 static int spsi_march_face(const spsi_marcher *marcher, int number, int x, int y, const spsi_walker *after,
                            spsi_walker *nearest) {
@@ -25245,8 +25251,8 @@ static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walk
     *walker = next;
 }
 
-/* Transmittance of polygons from a light to a point on face `own` (-1: none), without the renderer's packets: so it can
-   judge them. Returns 0 if nothing passes. */
+/* Transmittance of polygons from a light to a point on face `own` (-1: none), without the renderer's packets, to verify
+   them. Returns 0 if nothing passes. */
 static int spsi_march_visibility(const spsi_faces *faces, const spsi_light *light, const double point[3], int own,
                                  double passes[3]) {
     spsi_ray ray = {{point[0], point[1], point[2]}, {0, 0, 0}, 0, light->is_point ? 1 : HUGE_VAL};
@@ -25300,7 +25306,7 @@ static int spsi_light_ray(const spsi_light *light, const double point[3], spsi_r
     return spsi_normalise(ray->direction);
 }
 
-/* Extinction where a volume's field is f. `color`: set where it is classified, or NULL. */
+/* Extinction for field value f. `color`: set if classified, or NULL. */
 static double spsi_extinction_at(const spsi_material *material, double f, float color[3]) {
     spsi_v out[4];
     if (!material->table) return f * (double)material->extinction;
@@ -25327,7 +25333,7 @@ static void spsi_march_light(const spsi_marcher *marcher, const spsi_light *ligh
     }
 }
 
-/* Adds the depth of a volume, sampled at the middle. */
+/* Adds a volume's optical depth, sampled at the middle. */
 static void spsi_march_shade(const spsi_marcher *marcher, int m, const spsi_ray *part, spsi_shade *shade) {
     double at[3], depth;
     spsi_along(part->origin, part->direction, 0.5 * (part->low + part->high), at);
@@ -25336,7 +25342,7 @@ static void spsi_march_shade(const spsi_marcher *marcher, int m, const spsi_ray 
     spsi_enclosure_add(&shade->depth, depth, depth);
 }
 
-/* Samples a part at a point. `value` and `extinction` are volumes' only. */
+/* Samples a part at a point. `value` and `extinction` are set for volumes only. */
 static void spsi_march_sample(const spsi_marcher *marcher, int part, const double point[3], spsi_sample *sample,
                               double *value, double *extinction) {
     const spsi_material *material = spsi_material_of(marcher->frame, part);
@@ -25360,11 +25366,11 @@ static void spsi_march_sample(const spsi_marcher *marcher, int part, const doubl
 
 /* Volumes are sampled at the middle of a step, particles averaged over it. */
 typedef struct spsi_point {
-    double position[3];                    /* middle of the step */
+    double position[3];                    /* the step's middle */
     double direction[3];                   /* unit vector from the eye */
     const spsi_surface *surface;           /* NULL: in gas */
     int face;                              /* -1: in gas */
-    double half;                           /* half length */
+    double half;                           /* half the step */
     double pixel;                          /* world size of a pixel there */
     double value[SPSI_MATERIALS_MAX];      /* per part; for particles, extinction */
     double extinction[SPSI_MATERIALS_MAX];
@@ -25400,7 +25406,8 @@ SPSI_COLD int spsi_reference_points(const spsi_light *light) {
     return light->samples > 0 ? light->samples : SPSI_REFERENCE_POINTS;
 }
 
-/* Low-discrepancy sequence [Roberts 2018, R2], shifted by a hash of the place: its error averages out along a ray. */
+/* Low-discrepancy sequence [Roberts 2018, R2], shifted by a hash of the position: its error averages out along a
+   ray. */
 static void spsi_reference_point(const spsi_light *light, const double place[3], int n, spsi_light *point) {
     const uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, place, 3 * sizeof *place);
     const double x = 0.75487766624669276 * (n + 1) + (double)(hash >> 40) / 16777216;
@@ -25426,7 +25433,7 @@ static double spsi_point_inverse_square(const spsi_point *point, const double fr
     return y < 1e-6 * x ? 1 / x : atan2(y, x) / y;
 }
 
-/* Irradiance of gas or a polygon, past polygons but through no medium. Returns 0 if there is none. */
+/* Irradiance on gas or a polygon, shadowed by polygons but no medium. Returns 0 if there is none. */
 static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *point, const spsi_light *light,
                               double travel[3], double arrives[3]) {
     const double *start = point->surface ? point->surface->start : point->position;
@@ -25457,7 +25464,7 @@ static void spsi_march_response(const spsi_material *material, const spsi_sample
     for (int c = 0; c < 3; ++c) response[c] = (double)spsi_one(all[c]);
 }
 
-/* Fraction of X shown at depth t. `taken`: depth for X. */
+/* Weight of X at depth t. `taken`: depth for its series. */
 SPSI_COLD double spsi_forward_fade(double t, double *taken) {
     const double from = spsi_forward_depth(SPSI_FORWARD_SIZE - 2), end = (double)SPSI_FORWARD_END;
     *taken = spsi_dmin(t, from);
@@ -25502,7 +25509,7 @@ SPSI_COLD void spsi_point_add_light(const spsi_marcher *marcher, const spsi_poin
     }
 }
 
-/* Radiance per unit of length that reaches the eye. */
+/* Radiance per unit length that reaches the eye. */
 SPSI_COLD void spsi_point_source(const spsi_marcher *marcher, const spsi_point *point, double source[3]) {
     const spsi_frame *frame = marcher->frame;
     memset(source, 0, 3 * sizeof *source);
@@ -25559,10 +25566,9 @@ SPSI_COLD void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *h
     }
 }
 
-/* Equal colors keep their value, to the bit. */
+/* Equal channels return their value, to the bit. */
 static double spsi_color_mean(const double c[3]) { return c[0] + (c[1] - c[0] + (c[2] - c[0])) / 3; }
 
-/* Returns 0 if the rest is hidden. */
 static int spsi_march_step(const spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
                            spsi_walker *walker) {
     const double h = step->high - step->low, passes = exp(-walker->gas.low);
@@ -25674,7 +25680,7 @@ SPSI_COLD void spsi_march_start(const spsi_marcher *marcher, const spsi_rays *ce
     }
 }
 
-/* Bounded medium sends at most its brightest radiance, as if opaque. */
+/* With bounds, the medium sends at most its brightest source times its opacity. */
 SPSI_COLD void spsi_march_add(const spsi_marcher *marcher) {
     const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
     for (size_t i = 0; i < pixels; ++i) {
@@ -25694,7 +25700,7 @@ SPSI_COLD void spsi_march_add(const spsi_marcher *marcher) {
     }
 }
 
-/* Bounds are rounded outwards. Errors are standard errors of the paths' means. Radiance may exceed floats. */
+/* Bounds are rounded outwards. Errors are standard errors of the paths' means. Radiance may exceed FLT_MAX. */
 static void spsi_march_finish(const spsi_marcher *marcher, const sps_image *image) {
     const sps_reference_settings *settings = marcher->settings;
     const size_t width = (size_t)marcher->frame->view.region[2], height = (size_t)marcher->frame->view.region[3];
@@ -25875,7 +25881,7 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
 }
 
 /* ============================================================================================= >>bounds
-   41 Strict bounds of single scattering, along the rays of >>reference. On a step of length h, three Gauss points
+   41 Strict bounds on single scattering, along the rays of >>reference. On a step of length h, three Gauss points
    integrate F with an error up to h^7 / 2016000 * |F^(6)|. F is the field times exp(-optical depth from eye and light)
    times falloff, phase function and cone. Nearby voxels' differences bound derivatives of field and optical depth;
    products, exponentials and powers have majorant series. Where the medium is too dense for these, transmittances at a
@@ -25885,21 +25891,21 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
 
 #define SPSI_BRACKET_ORDER    6
 #define SPSI_BRACKET_REACH    (4 - 1e-9)
-#define SPSI_BRACKET_STEP     0.75  /* voxels, at most: then the taps are enough */
+#define SPSI_BRACKET_STEP     0.75  /* maximum in voxels, so that the taps suffice */
 #define SPSI_BRACKET_TAIL     2e-8  /* kernels beyond the taps, relative to the largest value */
-#define SPSI_BRACKET_HALVINGS 12    /* most, in dense medium */
+#define SPSI_BRACKET_HALVINGS 12    /* maximum, in dense media */
 #define SPSI_BRACKET_EDGES    6     /* likewise, at shadow edges and for wide bounds */
-#define SPSI_BRACKET_WIDE     1e-3  /* widest bounds, relative to opaque medium */
-#define SPSI_BRACKET_DENSE    0.5   /* most optical depth of a step, at its densest */
+#define SPSI_BRACKET_WIDE     1e-3  /* widest bounds, relative to an opaque medium */
+#define SPSI_BRACKET_DENSE    0.5   /* maximum optical depth of a step, at its densest */
 #define SPSI_BRACKET_SEEN     10    /* behind this optical depth, nothing is halved: 5e-5 passes */
-#define SPSI_BRACKET_STEPS    1e8   /* most per ray */
+#define SPSI_BRACKET_STEPS    1e8   /* maximum per ray */
 #define SPSI_BRACKET_DARK     27.6  /* behind this optical depth, shadows are ignored: 1e-12 passes */
-#define SPSI_BRACKET_ROOM     1e-9  /* relative, at shadow edges */
+#define SPSI_BRACKET_ROOM     1e-9  /* relative tolerance, at shadow edges */
 
 
-/* Bounds of k-th derivatives along a unit vector, in voxels: maxima found, plus 1 %. Sums: all kernels, in absolute
-   value. Ripples: kernels alone, ideally constant. Tails: absolute values beyond the taps, up to SPSI_BRACKET_STEP
-   away. */
+/* Bounds on k-th derivatives along a unit vector, in voxels: maxima found, plus 1 %. Sums: all kernels, in absolute
+   value. Ripples: all kernels with sign, ideally constant. Tails: absolute values beyond the taps, up to
+   SPSI_BRACKET_STEP away. */
 static const double spsi_kernel_sums[SPSI_BRACKET_ORDER + 1] = {1.0115, 1.41, 2.95, 8.1, 24.7, 77.5, 249};
 static const double spsi_kernel_ripples[SPSI_BRACKET_ORDER + 1] = {1.0015, 0.0053, 0.0192, 0.12, 0.753, 4.73, 29.8};
 static const double spsi_kernel_tails[SPSI_BRACKET_ORDER + 1] = {9e-6, 4e-5, 2e-4, 1.3e-3, 8e-3, 0.05, 0.3};
@@ -25920,7 +25926,7 @@ SPSI_COLD spsi_series spsi_series_product(const spsi_series *a, const spsi_serie
     return product;
 }
 
-/* Relative to the maximum of exp(-w). */
+/* Series of exp(-w), relative to its maximum. */
 SPSI_COLD spsi_series spsi_series_exponential(const spsi_series *w) {
     spsi_series result;
     result.term[0] = 1;
@@ -25931,8 +25937,8 @@ SPSI_COLD spsi_series spsi_series_exponential(const spsi_series *w) {
     return result;
 }
 
-/* Series of a field along `speed` voxels. Nearby voxels are `middle` +- `half`, all at most `most`; integrals give an
-   integral's series. */
+/* Series of a field, per unit length of `speed` voxels. Nearby voxels are `middle` +- `half`; none exceeds `most`.
+   Their integrals give an integral's series. */
 SPSI_COLD spsi_series spsi_series_of_field(double speed, double half, double middle, double most) {
     spsi_series series;
     double factor = 1;
@@ -25956,7 +25962,7 @@ static double spsi_gauss_error(double h, double sixth) { return h * (h * h) * (h
 typedef struct spsi_step_gas {
     double value[3];     /* field at the points */
     double half, middle; /* nearby voxels: middle +- half */
-    double tail;         /* possible excess of values */
+    double tail;         /* possible deficit of `value` */
     spsi_series series;
     spsi_enclosure length; /* integral over the step */
 } spsi_step_gas;
@@ -26005,9 +26011,9 @@ typedef struct spsi_step {
     spsi_ray ray;
     double ends[2][3], points[3][3];
     spsi_step_gas gas[SPSI_VOLUMES_MAX];
-    double particles[SPSI_SETS_MAX];     /* optical depth per set */
-    spsi_enclosure before, depth;        /* up to the step, and in it */
-    spsi_enclosure within[3];            /* depth from its beginning to its points */
+    double particles[SPSI_SETS_MAX];     /* optical depths per set */
+    spsi_enclosure before, depth;        /* optical depth up to the step, and in it */
+    spsi_enclosure within[3];            /* depth from the step's beginning to its points */
     spsi_series passes;                  /* depth from the eye, without term 0 */
     int lit;                             /* 1: shadows matter */
     int smooth;                          /* 1: no particles */
@@ -26018,7 +26024,7 @@ typedef struct spsi_incoming {
     spsi_enclosure passes;   /* transmittance anywhere on it */
     spsi_series series;    /* optical depth, without term 0 */
     double falls[3];       /* falloff times phase function, at the points */
-    spsi_enclosure range;  /* anywhere on the step */
+    spsi_enclosure range;  /* range of `falls` on the step */
     spsi_series falloff;   /* series of `falls` */
     int smooth;            /* 1: both series are valid */
 } spsi_incoming;
@@ -26073,7 +26079,7 @@ SPSI_COLD void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray,
     step->lit = any && before.low < SPSI_BRACKET_DARK;
 }
 
-/* `m`: volume, or set of particles, which light does not reach. */
+/* `m`: volume, or set of particles, which no light reaches. */
 SPSI_COLD spsi_enclosure spsi_step_integral(const spsi_marcher *marcher, const spsi_step *step, int m,
                                             const spsi_incoming *incoming) {
     const spsi_step_gas *gas = &step->gas[m];
@@ -26118,7 +26124,7 @@ SPSI_COLD void spsi_incoming_plain(spsi_incoming *incoming) {
     incoming->smooth = 1;
 }
 
-/* 1 / r^2 as in >>reference. The series has terms up to (k + 1) / r^(k + 2) [of 1 / (1 - x)^2]. */
+/* 1 / r^2 as in >>reference. Its series has terms up to (k + 1) / r^(k + 2) [as 1 / (1 - x)^2]. */
 SPSI_COLD void spsi_incoming_fall(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *light,
                                   spsi_incoming *incoming) {
     const spsi_rays *eye = &marcher->frame->content->eye;
@@ -26146,14 +26152,14 @@ SPSI_COLD void spsi_incoming_fall(const spsi_marcher *marcher, const spsi_step *
         incoming->falloff.term[k] = (k + 1) * pow(incoming->range.high, 0.5 * k + 1);
 }
 
-/* Infinity for directional lights. */
+/* Distance to a light; infinity if directional. */
 static double spsi_step_distance(const spsi_step *step, const spsi_light *light) {
     double offset[3];
     spsi_along(light->position, step->points[1], -1, offset);
     return light->is_point ? spsi_length(offset) : HUGE_VAL;
 }
 
-/* Places nearer to a point light at distance r move less; r has terms up to r^(1 - k). */
+/* Shadow rays pivot about a point light at distance r; r has terms up to r^(1 - k). */
 SPSI_COLD void spsi_incoming_shade(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *light,
                                    spsi_incoming *incoming) {
     const double h = step->ray.high - step->ray.low, distance = spsi_step_distance(step, light);
@@ -26185,14 +26191,13 @@ SPSI_COLD void spsi_incoming_shade(const spsi_marcher *marcher, const spsi_step 
     }
 }
 
-/* Largest turn of light from the step's middle. */
+/* Maximum turn of light from the step's middle. */
 SPSI_COLD double spsi_step_turn(const spsi_step *step, const spsi_light *light) {
     const double half = 0.5 * (step->ray.high - step->ray.low), distance = spsi_step_distance(step, light);
     return half < distance ? asin(half / distance) : 4;
 }
 
-/* Range of 1 - cos to the light's axis. At an angle a, its root is sqrt(2) sin(a / 2), with slopes up to 1 /
-   sqrt(2). */
+/* Range of 1 - cos(a) at angle a to the light's axis. Its root, sqrt(2) sin(a / 2), has slopes up to 1 / sqrt(2). */
 SPSI_COLD spsi_enclosure spsi_step_axis(const spsi_step *step, const spsi_light *light) {
     const double turn = sqrt(0.5) * spsi_step_turn(step, light);
     double travel[3], root;
@@ -26201,13 +26206,13 @@ SPSI_COLD spsi_enclosure spsi_step_axis(const spsi_step *step, const spsi_light 
     return spsi_enclosure_of(pow(spsi_dmax(root - turn, 0), 2), spsi_dmin(pow(root + turn, 2), 2));
 }
 
-/* True if a cone begins or ends in the range. */
+/* True if an edge of a cone lies in the range. */
 SPSI_COLD int spsi_cone_bends(const spsi_cone *cone, spsi_enclosure range) {
     const double low = (cone->none - range.high) / cone->rim, high = (cone->none - range.low) / cone->rim;
     return cone->exists && ((low < 0 && high > 0) || (low < 1 && high > 1));
 }
 
-/* The cone is the square of a linear function of 1 - cos, with corners at both ends. */
+/* A cone is the square of a linear function of 1 - cos, with kinks at both ends. */
 SPSI_COLD void spsi_incoming_cone(const spsi_cone *cone, const double versines[3], spsi_enclosure range,
                                   const spsi_series *turning, spsi_incoming *incoming) {
     spsi_series share = *turning;
@@ -26222,7 +26227,7 @@ SPSI_COLD void spsi_incoming_cone(const spsi_cone *cone, const double versines[3
     incoming->falloff = spsi_series_product(&incoming->falloff, &share);
 }
 
-/* Series of (1 - g^2) / (4 pi) * (1 + g^2 - 2 g cosine)^(-3/2). `least` bounds the parenthesis. */
+/* Series of (1 - g^2) / (4 pi) * (1 + g^2 - 2 g cosine)^(-3/2). `least` bounds the last parenthesis from below. */
 SPSI_COLD spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const spsi_series *cosine) {
     const double g = fabs((double)lobe->asymmetry);
     spsi_series lobes;
@@ -26235,8 +26240,8 @@ SPSI_COLD spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const
     return lobes;
 }
 
-/* Per unit of optical depth and albedo. Lobes are monotonic in the cosine: ends bound them. Light turns by less than
-   the step's angle from a point light; its direction has terms up to 2 / r^k. */
+/* Per unit of optical depth and albedo. Lobes are monotonic in the cosine, so its range bounds them. A point light's
+   direction turns by less than the step's angle, with terms up to 2 / r^k. */
 SPSI_COLD void spsi_incoming_phase(const spsi_step *step, const spsi_light *light, const spsi_material *material,
                                    spsi_incoming *incoming) {
     const double half = 0.5 * (step->ray.high - step->ray.low), turn = spsi_step_turn(step, light);
@@ -26271,7 +26276,7 @@ SPSI_COLD void spsi_incoming_phase(const spsi_step *step, const spsi_light *ligh
 
 typedef struct spsi_step_light {
     spsi_enclosure light[3], depth;
-    double source[3]; /* greatest radiance, were it opaque */
+    double source[3]; /* maximum radiance, were it opaque */
 } spsi_step_light;
 
 /* `light`: NULL for ambient light and emission. */
@@ -26307,7 +26312,7 @@ SPSI_COLD void spsi_step_add_light(const spsi_marcher *marcher, const spsi_step 
 
 /* --- polygons before a light --- */
 
-/* Returns 0 if too close to tell. */
+/* Side of a plane; 0: too close to tell. */
 SPSI_COLD int spsi_plane_side(const double normal[3], const double on[3], const double point[3]) {
     double offset[3], side, room;
     spsi_along(point, on, -1, offset);
@@ -26329,8 +26334,8 @@ SPSI_COLD void spsi_light_plane(const spsi_light *light, const double a[3], cons
 
 typedef enum spsi_cover { SPSI_COVER_CLEAR, SPSI_COVER_BEHIND, SPSI_COVER_PARTLY } spsi_cover;
 
-/* Tests whether a face covers a light from all points between two. Separating planes: the face's, at its edges, and
-   through both points and the light. */
+/* Tests whether a face hides a light from a whole step. Separating planes pass through the face, its edges and the
+   light, or step and light. */
 SPSI_COLD spsi_cover spsi_face_cover(const spsi_face *face, const spsi_light *light, const spsi_step *step) {
     double normal[3], beyond[3];
     int side, sides[3], inside = 1;
@@ -26353,7 +26358,7 @@ SPSI_COLD spsi_cover spsi_face_cover(const spsi_face *face, const spsi_light *li
     return sides[0] != 0 && sides[0] == sides[1] && sides[1] == sides[2] ? SPSI_COVER_CLEAR : SPSI_COVER_PARTLY;
 }
 
-/* Returns 0 if a polygon covers only part of the step: shorter ones help. */
+/* Returns 0 if a polygon covers only part of the step: shorter steps help. */
 SPSI_COLD int spsi_step_cover(const spsi_faces *faces, const spsi_light *light, const spsi_step *step,
                               spsi_enclosure passes[3]) {
     int number, sure = 1;
@@ -26384,12 +26389,12 @@ SPSI_COLD int spsi_step_cover(const spsi_faces *faces, const spsi_light *light, 
 
 /* --- following a ray --- */
 
-/* Dense medium, or an edge of a shadow or cone. */
+/* True in dense media, and at edges of shadows and cones. */
 SPSI_COLD int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *step, int halvings) {
     const double dense = step->passes.term[1] * (step->ray.high - step->ray.low);
     if (!step->lit || step->before.low > SPSI_BRACKET_SEEN) return 0;
     if (step->smooth && dense > SPSI_BRACKET_DENSE && halvings < SPSI_BRACKET_HALVINGS)
-        return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) <= SPSI_BRACKET_DENSE; /* too dense for any halving */
+        return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) <= SPSI_BRACKET_DENSE; /* 0: too dense for any halving */
     for (int i = 0; i < marcher->light_count && halvings < SPSI_BRACKET_EDGES; ++i) {
         const spsi_light *light = &marcher->frame->lights.list[i];
         spsi_enclosure passes[3];
@@ -26492,17 +26497,17 @@ SPSI_COLD sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marc
 /* ================================================================================================ >>paths
    42 Multiple scattering by random paths from the eye: an unbiased reference, with the field and polygons of
    >>reference. Volumes are crossed by delta tracking [Woodcock et al. 1965]: tentative collisions lie -ln(u) / bound
-   apart and are real with probability extinction / bound, with a bound per brick. Spheres are inverted in closed form.
-   At the nearest collision or face, shadow rays to all lights add its scattering, through medium by ratio tracking
-   [Novak et al. 2014]. The phase function draws the next direction. Lights at the first event are already marched.
-   Emission is found by a shadow ray to a point drawn by emission, and at a point on each later ray. The balance
-   heuristic [Veach and Guibas 1995] avoids noise near small flames and inside of them. Cost: paths * events * (1 +
+   apart and are real with probability extinction / bound, with a bound per brick. Spheres are sampled in closed form.
+   At the nearest collision or face, shadow rays add the scattering of all lights, using ratio tracking in volumes
+   [Novak et al. 2014]. The next direction is drawn from the phase function. Lights at the first event are marched.
+   Emission is sampled by a shadow ray to a point drawn in proportion to it, and at a point on each later ray. The
+   balance heuristic [Veach and Guibas 1995] avoids noise near and inside small flames. Cost: paths * events * (1 +
    lights) * bound * length * 343 voxels. */
 
 #define SPSI_PATHS_MAX    (1 << 20)
-#define SPSI_PATH_ROUND   16    /* most paths per pixel between calls of progress_fn */
-#define SPSI_PATH_BRICK   1e4f  /* greatest optical depth of a brick: beyond, no light passes */
-#define SPSI_PATH_GOES_ON 0.998 /* greatest survival probability: without absorption, 500 events */
+#define SPSI_PATH_ROUND   16    /* maximum paths per pixel between calls of progress_fn */
+#define SPSI_PATH_BRICK   1e4f  /* maximum optical depth of a brick: beyond, no light passes */
+#define SPSI_PATH_GOES_ON 0.998 /* maximum survival probability: without absorption, 500 events */
 #define SPSI_PATH_WEIGHTY 3     /* events before Russian roulette */
 #define SPSI_PATH_SPLITS  0.05  /* transmittance below which one of two shadow rays ends */
 
@@ -26513,15 +26518,15 @@ typedef struct spsi_path {
     double density;  /* per steradian, of its direction */
     uint64_t random; /* generator state */
     int face;        /* starting face; -1: none */
-    const spsi_material *material; /* of the last event in gas */
-    double color[3], plane[3];     /* of the last event on a polygon */
+    const spsi_material *material; /* at the last event in a medium */
+    double color[3], plane[3];     /* at the last event on a polygon */
     int scattered;   /* events so far */
     int off_face;    /* 1: last event on a polygon */
 } spsi_path;
 
 /* --- random numbers --- */
 
-/* Uniform in 0..1, without 1 [Steele et al. 2014, SplitMix64]. */
+/* Uniform in [0, 1) [Steele et al. 2014, SplitMix64]. */
 static double spsi_random(uint64_t *state) {
     uint64_t z = *state += UINT64_C(0x9e3779b97f4a7c15);
     z = (z ^ z >> 30) * UINT64_C(0xbf58476d1ce4e5b9);
@@ -26540,7 +26545,7 @@ static void spsi_random_about(uint64_t *state, const double axis[3], double cosi
     spsi_normalise(out);
 }
 
-/* Inverts one of the lobes [Henyey & Greenstein 1941]. */
+/* Inverts a random lobe's CDF [Henyey & Greenstein 1941]. */
 static double spsi_random_phase(uint64_t *state, const spsi_material *material) {
     double pick = spsi_random(state), u = spsi_random(state), g = 0, part;
     for (int i = 0; i < material->lobe_count; ++i) {
@@ -26555,7 +26560,7 @@ static double spsi_random_phase(uint64_t *state, const spsi_material *material) 
 
 /* --- delta tracking --- */
 
-/* Kernels at the voxels' distance ripple by 0.1 %. */
+/* Bounds extinction per brick. Summed kernels ripple by 0.1 %. */
 SPSI_COLD void spsi_dense_bound(const spsi_material *material, const spsi_dense *grid) {
     const int count = grid->bricks[0] * grid->bricks[1] * grid->bricks[2];
     float up_to[SPSI_TABLE_SIZE + 1] = {0}, most = SPSI_PATH_BRICK;
@@ -26577,11 +26582,11 @@ typedef struct spsi_tracker {
     const spsi_dense *grid;
     const spsi_material *material;
     const spsi_ray *ray;
-    spsi_ray rest;       /* what is left of it, in voxels */
+    spsi_ray rest;       /* the rest of it, in voxels */
     double leave, bound; /* extinction's upper bound up to `leave` */
 } spsi_tracker;
 
-/* Pieces are as long as a brick, so their voxels are in the middle's brick and its neighbours. */
+/* Segments are as long as a brick, so their voxels lie in their middle's brick and its neighbours. */
 static void spsi_tracker_enter(spsi_tracker *tracker) {
     const spsi_dense *grid = tracker->grid;
     const spsi_ray *rest = &tracker->rest;
@@ -26631,7 +26636,7 @@ static double spsi_tracker_next(spsi_tracker *tracker, uint64_t *random) {
     return spsi_dmin(spsi_extinction_at(tracker->material, value, NULL) / tracker->bound, 1);
 }
 
-/* Shortens the ray to a collision, and sets `part`. NULL: multiplies `passes` by transmittance instead; a faint ray
+/* Shortens the ray to a collision, and sets `part`. Without `part`, multiplies `passes` by transmittance; a faint ray
    ends or counts twice. */
 static double spsi_path_through_volumes(const spsi_marcher *marcher, spsi_ray *ray, uint64_t *random, double passes,
                                         int *part) {
@@ -26656,7 +26661,7 @@ static double spsi_path_through_volumes(const spsi_marcher *marcher, spsi_ray *r
 
 /* --- particles --- */
 
-/* Likewise; overlapping particles collide independently. */
+/* Finds a nearer collision with particles; overlapping ones collide independently. */
 static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *ray, uint64_t *random, int *part) {
     const spsi_frame *frame = marcher->frame;
     spsi_walk walk;
@@ -26676,7 +26681,7 @@ static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *r
 
 /* --- emission --- */
 
-/* Mean of colors per unit of value. */
+/* Mean emission of channels, per unit value. */
 static double spsi_emission_of(const spsi_material *material) {
     return ((double)material->emission[0] + (double)material->emission[1] + (double)material->emission[2]) / 3;
 }
@@ -26711,8 +26716,8 @@ static sps_result spsi_emission_build(sps_context *context, spsi_marcher *marche
     return SPS_OK;
 }
 
-/* Draws an emitting point as a light with its part's color, of mean 1. Density is a sphere's, or a voxel's kernel: 1e-6
-   lies beyond SPSI_REFERENCE_REACH, where nothing emits. */
+/* Draws an emitting point, as a light with its part's color, of mean 1. Density is a sphere's or a voxel kernel's; 1e-6
+   of a kernel lies beyond SPSI_REFERENCE_REACH, where nothing emits. */
 static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, spsi_light *light) {
     const spsi_frame *frame = marcher->frame;
     const double pick = (1 - DBL_EPSILON) * spsi_random(random) * marcher->glow_sum; /* below the sum after rounding */
@@ -26755,8 +26760,8 @@ static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, sp
     for (int c = 0; c < 3; ++c) light->color[c] = (float)((double)material->emission[c] / spsi_emission_of(material));
 }
 
-/* `density`: per steradian, of paths from the event. Returns the weight of drawing the point; paths that meet it get
-   the rest. */
+/* `density`: per steradian, of paths from the event. Returns the weight of drawing the point; paths that hit it get the
+   rest. */
 static double spsi_emission_at(const spsi_marcher *marcher, const double event[3], double density,
                                const double point[3], double emitted[3]) {
     const spsi_bounds *bounds = &marcher->frame->content->bounds;
@@ -26767,7 +26772,7 @@ static double spsi_emission_at(const spsi_marcher *marcher, const double event[3
     way = spsi_length(ray.direction);
     memset(emitted, 0, 3 * sizeof *emitted);
     if (!spsi_normalise(ray.direction)) return 0;
-    room = 1e-7 * spsi_length(across); /* particles are averaged over almost no length */
+    room = 1e-7 * spsi_length(across); /* particles are averaged over a tiny length */
     ray.low = way - room;
     ray.high = way + room;
     spsi_particles_depth(marcher, &ray, depths);
@@ -26797,7 +26802,7 @@ static void spsi_path_take(spsi_path *path, const double radiance[3]) {
     for (int c = 0; c < 3; ++c) path->radiance[c] += path->weight[c] * radiance[c];
 }
 
-/* Emission before the event, averaged over random events, is attenuated emission. */
+/* Adds emission before the event, unattenuated: averaging over random events attenuates it. */
 static void spsi_path_emission(const spsi_marcher *marcher, spsi_path *path) {
     const spsi_bounds *bounds = &marcher->frame->content->bounds;
     double range[2], point[3], emitted[3], weight;
@@ -26839,8 +26844,8 @@ static void spsi_path_turn(spsi_path *path, const double direction[3], int face,
     path->face = face;
 }
 
-/* In gas, lights without shadows count at the first event only. Emission behind a face's plane does not count: no path
-   goes there. */
+/* In a medium, lights without shadows count at the first event only. Emission behind a face's plane does not count: no
+   path goes there. */
 static void spsi_path_lights(const spsi_marcher *marcher, const spsi_point *point, spsi_path *path) {
     const int lights = path->scattered > 0 ? marcher->frame->lights.count : 0; /* the first event's are marched */
     for (int i = marcher->glow_sum > 0 ? -1 : 0; i < lights; ++i) {            /* -1: emission */
@@ -26864,7 +26869,7 @@ static void spsi_path_lights(const spsi_marcher *marcher, const spsi_point *poin
     }
 }
 
-/* The path's event at its ray's end. */
+/* Puts the event at the ray's end. */
 static void spsi_path_event(const spsi_path *path, spsi_point *point) {
     memset(point, 0, sizeof *point);
     spsi_along(path->ray.origin, path->ray.direction, path->ray.high, point->position);
@@ -26872,7 +26877,7 @@ static void spsi_path_event(const spsi_path *path, spsi_point *point) {
     point->face = -1;
 }
 
-/* Medium draws by phase function, surfaces uniformly. */
+/* Directions are drawn by phase function, or uniformly for surface shading. */
 static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample *sample, spsi_path *path) {
     const spsi_material *material = spsi_material_of(marcher->frame, part);
     double way[3], back[3], response[3], cosine, value, extinction;
@@ -27245,7 +27250,7 @@ SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, c
     return spsi_end_timed(context);
 }
 
-/* Exact conversion. */
+/* Exact conversion to float. */
 static float spsi_half(uint16_t half) {
     const uint32_t exponent = half >> 10 & 31, fraction = half & 1023;
     const float subnormal = (float)fraction * (1 / 16777216.0f); /* units of 2^-24 */
@@ -27404,7 +27409,7 @@ SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *l
     return spsi_end(context);
 }
 
-/* Fails if a map is finished, or has failed to. */
+/* Fails if a map is finished, or has failed to finish. */
 SPSI_COLD sps_result spsi_require_unfinished(const sps_tmap *map) {
     const char *rest = map->failed ? "has failed to finish; destroy it" : "is finished already";
     if (!map->failed && !map->finished) return SPS_OK;

@@ -362,17 +362,17 @@ typedef struct sps_surface {
 typedef struct sps_mesh {
     uint32_t start_canary; /* leave 0 */
     size_t triangle_count; /* 0: no mesh; at most 2^29, over all meshes of a scene */
-    /* Writes `count` triangles, beginning at index `first`. Called for blocks of 256, each once per call, or never if
-       `revision` shows that all are cached. */
+    /* Writes `count` triangles, beginning at index `first`. Called once for each block of 256, per API call, or never
+       if `revision` shows that all are cached. */
     int (*read_fn)(void *user, size_t first, size_t count, sps_triangle *out);
     void *user;
     sps_placement placement;
     float albedo[3]; /* reflectance, 0..1 */
     int has_normals, has_albedos;
-    /* Optional, for textures: sets the appearance of `count` points of this mesh, at most 4096. Each pixel of the
-       region passes a point per visible triangle, in rows from the top. `out` arrives with the albedo of mesh or
-       corners, and no emission. A point must not depend on others in the call. Values out of range are SPS_ERROR_DATA.
-       Transmittance maps do not call it. */
+    /* Optional, for textures: sets the appearance of `count` points of this mesh, at most 4096: one per
+       visible triangle in each pixel of the region, in rows from the top. `out` arrives with the albedo of the mesh or
+       its vertices, and no emission. Points must not depend on others in the call. Out-of-range values are
+       SPS_ERROR_DATA. Transmittance maps do not call it. */
     int (*shade_fn)(void *user, size_t count, const sps_surface_point *points, sps_surface *out);
     void *shade_user;
     /* Fraction of red, green and blue that passes straight through, at any angle, 0..1; all 0: opaque. The rest is
@@ -417,7 +417,7 @@ typedef struct sps_particle {
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
-    /* Writes `count` particles, beginning at index `first`. Called for blocks of at most 4096, each once per call. */
+    /* Writes `count` particles, beginning at index `first`. Called once for each block of up to 4096, per API call. */
     int (*read_fn)(void *user, size_t first, size_t count, sps_particle *out);
     void *user;
     int soft;              /* 0: uniform density; 1: density falls as 1 - (r / radius)^2, to 0 at the rim */
@@ -675,9 +675,10 @@ typedef struct sps_view {
     double near_distance;
     int region[4]; /* x, y, width, height of the part to render; all 0: the whole image */
     sps_quality quality;
-    /* Slab thickness in voxels, the main trade-off of speed and error: error is proportional to its square. 0: from
-       quality, and more where pixels are wide (sps_quality). Particles count as voxels of 0.7 times their geometric
-       mean radius, unless voxels are smaller. Dense particles and long voxels make slabs up to 8 times thinner. */
+    /* Slab thickness in voxels, the main trade-off between speed and error: error is proportional to its square. 0:
+       from quality, and thicker where pixels are wide (sps_quality). Particles count as voxels of 0.7 times their
+       geometric mean radius, unless voxels are smaller. Dense particles and long voxels make slabs up to 8 times
+       thinner. */
     double slab_thickness;
     /* Texels on the longer side of a light's sheets, and of the depth map for polygons' shadows in gas, up to 16384. 0:
        from quality, and fewer where pixels are wide (sps_quality). That depth map has at least 512, 1024, 2048 or 4096
@@ -1087,9 +1088,12 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_NOINLINE static
 #endif
 
-/* Clang would unroll these loops up to eight times, with no gain in any frame. GCC does not unroll them. */
+/* Compilers would unroll these loops up to eight times, with no gain in any frame. GCC takes the pragma only before
+   simple conditions. */
 #ifdef __clang__
 #define SPSI_ROLLED _Pragma("clang loop unroll(disable) vectorize(disable)")
+#elif defined __GNUC__ && __GNUC__ >= 8
+#define SPSI_ROLLED _Pragma("GCC unroll 1")
 #else
 #define SPSI_ROLLED
 #endif
@@ -2943,7 +2947,7 @@ static void spsi_deep_depths(const sps_tmap_settings *settings, const spsi_texel
     uint32_t first = 0; /* earlier intervals lie wholly before u */
     double before = 0;
     SPSI_ROLLED for (int k = 0; k < count; ++k) {
-        SPSI_ROLLED for (; first < texel->count && (list[first].u1 <= u[k] || u[k] >= 1); ++first)
+        for (; first < texel->count && (list[first].u1 <= u[k] || u[k] >= 1); ++first)
             before += (double)list[first].depth;
         double sum = before;
         for (uint32_t i = first; i < texel->count && list[i].u0 <= u[k]; ++i)
@@ -3078,7 +3082,7 @@ static double spsi_curve_depth(const spsi_curve *curve, float u, int jumps) {
     const int all = jumps && u >= 1;
     const double slope = spsi_dmax(curve->slope.high + curve->slope.low, 0);
     double sum = curve->before + curve->depth + slope * ((double)u - (double)curve->u);
-    SPSI_ROLLED for (int i = curve->first; i < curve->count && curve->has_soft; ++i) {
+    for (int i = curve->first; i < curve->count && curve->has_soft; ++i) {
         const spsi_interval *interval = &curve->sorted[i];
         if (!all && (jumps ? interval->u0 > u : !(interval->u0 < u))) break;
         if (interval->soft > 0)
@@ -3570,7 +3574,7 @@ typedef struct spsi_hankel {
     double factor[SPSI_MOMENTS_MAX / 2 + 1][SPSI_MOMENTS_MAX / 2 + 1]; /* lower triangle */
 } spsi_hankel;
 
-/* Returns 0 unless b are moments of at least `size` points. */
+/* Returns 0 unless positive definite: b are moments of at least `size` points. */
 SPSI_COLD int spsi_hankel_factor(spsi_hankel *hankel, const double *b) {
     for (int i = 0; i < hankel->size; ++i)
         for (int j = 0; j <= i; ++j) {
@@ -5168,7 +5172,7 @@ static void spsi_block_validate(spsi_voxels *voxels, int replace) {
     int invalid = 0;
     SPSI_ROLLED for (int i = 0; i < block->voxels_read; i += SPSI_LANES)
         invalid |= spsi_invalid_bits(spsi_load_first(value + i, block->voxels_read - i));
-    SPSI_ROLLED for (int z = 0; z < block->size[2] && invalid; ++z)
+    for (int z = 0; z < block->size[2] && invalid; ++z)
         SPSI_ROLLED for (int y = 0; y < block->size[1]; ++y)
             SPSI_ROLLED for (int x = 0; x < block->size[0]; ++x, ++value) {
                 if (*value >= 0 && *value <= SPSI_VALUE_MAX) continue;
@@ -6663,7 +6667,7 @@ static void spsi_raster_rows(const spsi_raster *raster, int y0, int y1) {
     const size_t first = (size_t)(y0 - raster->first_row) * (size_t)raster->pitch;
     const size_t end = (size_t)(y1 + 1 - raster->first_row) * (size_t)raster->pitch;
     for (size_t i = first; i < end && !raster->depths; ++i) raster->hits[i] = nothing;
-    SPSI_ROLLED for (size_t i = first; i < end && raster->depths; ++i) {
+    for (size_t i = first; i < end && raster->depths; ++i) {
         raster->depths[i] = SPSI_INFINITY;
         raster->numbers[i] = -1;
     }
@@ -8624,8 +8628,8 @@ static inline void spsi_map_segment_build(const spsi_depth_map *map, int face, s
     }
 }
 
-/* Fraction of a segment in front of texel i's plane. The distance to it is linear: `ahead` in the middle, `per` more or
-   less at the ends. In perspective, a first-order rise g from depth t becomes g / (1 - g / t). */
+/* Fraction of a segment in front of texel i's plane. The distance to it is linear: `ahead` in the middle,
+   `ahead` +- `per` at the ends. In perspective, a first-order rise g from depth t becomes g / (1 - g / t). */
 static inline spsi_v spsi_map_segment_fraction(const spsi_map_segment *way, const spsi_rays *rays, int i, spsi_v depth,
                                                const spsi_v slope[2]) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f),
@@ -9054,7 +9058,7 @@ static double spsi_sphere_sum(const spsi_rays *rays, const spsi_sphere *sphere, 
             spsi_chord chord;
             spsi_sphere_chord(rays, sphere, x, y, &chord);
             spsi_v share = sphere->soft ? spsi_mul(chord.share, spsi_mul(chord.share, chord.share)) : chord.share;
-            SPSI_ROLLED for (int i = 0; i < SPSI_LANES && round; ++i) lanes[i] = (float)spsi_ray_angle(rays, x + i, y);
+            for (int i = 0; i < SPSI_LANES && round; ++i) lanes[i] = (float)spsi_ray_angle(rays, x + i, y);
             if (round) share = spsi_mul(share, spsi_load(lanes));
             sums = spsi_add(sums, spsi_select(inside, share, spsi_set(0)));
         }
@@ -9277,7 +9281,7 @@ SPSI_COLD const char *spsi_medium_name(const spsi_frame *frame) {
     return frame->particles.set_count > 0 ? "volumes or particles" : "volumes";
 }
 
-/* Fails because a ray meets slabs at too small a cosine, no cone covers the medium, or texels coincide. */
+/* Fails with the reason: a ray grazes the slabs, no cone covers the medium, or texels coincide. */
 SPSI_COLD sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
     const double cosine = sweep->cosine_of_light < SPSI_COSINE_MIN ? sweep->cosine_of_light : 0;
     char rest[SPSI_SENTENCE_SIZE] = SPSI_TEXELS_ALIKE;
@@ -9517,7 +9521,7 @@ SPSI_COLD int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
     return (n < frame->lights.sliced_count) + (n == 0 ? frame->lights.shadow_count - frame->lights.sliced_count : 0);
 }
 
-/* Falls back on the wider bounds that shadows were chosen with. Returns 1 on success. */
+/* Falls back to the wider bounds used when choosing shadows. Returns 1 on success. */
 SPSI_COLD int spsi_sweep_place(const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_bounds tight = frame->content->bounds;
     spsi_sweep wider = *sweep;
@@ -9558,8 +9562,8 @@ SPSI_COLD sps_result spsi_sweep_build(sps_context *context, const spsi_frame *fr
                           &sweep->slabs);
 }
 
-/* Cuts the image into the fewest parts that slabs serve well, or at all. If quarters fail, it stays whole, and is
-   refused. */
+/* Cuts the image into the fewest parts with good, else valid, slab angles. If quarters fail, leaves it whole, to be
+   refused by the caller. */
 SPSI_COLD void spsi_image_divide(const spsi_frame *frame) {
     static const double cosines[] = {SPSI_COSINE_EVEN, 0.25, SPSI_COSINE_MIN};
     spsi_content *content = frame->content;
@@ -12616,7 +12620,7 @@ SPSI_COLD sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id,
     return SPS_OK;
 }
 
-/* Fills the pyramid levels that targets gather or surface gradients need. */
+/* Fills the pyramid levels needed for gathering or surface gradients. */
 SPSI_COLD sps_result spsi_contents_pyramids(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const double start = spsi_clock(context);
@@ -15296,7 +15300,7 @@ static void spsi_penumbra_plane_task(void *data, int index, int worker) {
         SPSI_ROLLED for (int y = area.y0; y <= area.y1; ++y) {
             const spsi_tile_row row = spsi_tile_row_at(penumbra, area, y);
             const size_t bytes = (size_t)row.count * sizeof(float);
-            SPSI_ROLLED for (int n = 0; n < layers && pass == 0; ++n)
+            for (int n = 0; n < layers && pass == 0; ++n)
                 memset(spsi_penumbra_layer(penumbra, n) + row.texel, 0, bytes);
             if (pass == 0) memset(penumbra->planes[penumbra->plane] + row.texel, 0, bytes);
             if (pass == 1) spsi_penumbra_finish_row(penumbra, &row, layers);
@@ -15391,7 +15395,7 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
     depth = spsi_bilinear_inside(slab < first + SPSI_CHUNK ? beam->start : beam->depth, beam->rays.width,
                                  beam->rays.height, q[0], q[1]);
     if (!(slab > first && slab < first + SPSI_CHUNK) || !spsi_beam_meets(penumbra, beam, texel, slab)) return depth;
-    SPSI_ROLLED for (int k = 0; k < SPSI_CHUNK && slab > first + k; ++k) {
+    for (int k = 0; k < SPSI_CHUNK && slab > first + k; ++k) {
         const float *sheet = penumbra->sheets + (size_t)k * spsi_ray_count(rays);
         spsi_slide slide;
         double at[2];
@@ -17012,7 +17016,7 @@ static const float *spsi_cell_row_enters(const spsi_cell_sweep *sweep, int i, in
             sum = spsi_fma(spsi_set(direction->share[k]), spsi_load(from[k] + x), sum);
         spsi_store(own + x, sum);
     }
-    SPSI_ROLLED for (int x = 0; closed && x < level->size[0]; ++x) {
+    for (int x = 0; closed && x < level->size[0]; ++x) {
         const float blocker = level->walls ? level->walls[row + (size_t)x].sent : 0;
         if (!(closed[x] & direction->links)) continue;
         own[x] = 0;
@@ -17096,7 +17100,7 @@ static void spsi_cell_sweep_row_at(spsi_cell_beams *beams, int y, int z, float *
     if (terms == 1) spsi_cell_row_of(beams, row, moments, 1);
     if (terms == 4) spsi_cell_row_of(beams, row, moments, 4);
     if (terms == SPSI_CELL_TERMS) spsi_cell_row_of(beams, row, moments, SPSI_CELL_TERMS);
-    SPSI_ROLLED for (int i = beams->first; i < beams->end && level->walls; ++i)
+    for (int i = beams->first; i < beams->end && level->walls; ++i)
         spsi_cell_row_end(sweep, i, row, beams->out[i]);
 }
 
@@ -17108,7 +17112,7 @@ static void spsi_cell_sweep_plane(const spsi_cell_sweep *sweep, int index, int z
         beams.sweep = sweep;
         beams.first = falls ? sweep->rising : 0;
         beams.end = falls ? sweep->count : sweep->rising;
-        SPSI_ROLLED for (int i = beams.first; i < beams.end && level->walls; ++i) {
+        for (int i = beams.first; i < beams.end && level->walls; ++i) {
             const int up = sweep->directions[i]->step[1];
             if (up != 0) spsi_cell_row_border(sweep, i, up > 0 ? -1 : rows, z);
         }
@@ -17122,7 +17126,7 @@ static void spsi_cells_sweep_task(void *data, int index) {
     const int planes = level->size[2], before = index ? -1 : planes;
     spsi_cell_sweep sweep;
     spsi_cell_sweep_begin(level, index, &sweep);
-    SPSI_ROLLED for (int i = 0; i < sweep.count && level->walls; ++i)
+    for (int i = 0; i < sweep.count && level->walls; ++i)
         for (int y = -1; y <= level->size[1]; ++y) spsi_cell_row_border(&sweep, i, y, before);
     for (int n = 0; n < planes; ++n) spsi_cell_sweep_plane(&sweep, index, index ? n : planes - 1 - n);
 }
@@ -17209,7 +17213,7 @@ static void spsi_cells_coarsen_task(void *data, int z) {
                 sum += fine->depth[at[count++]];
             }
             coarse->depth[to] = 0.25f * sum; /* mean density, twice the edge */
-            SPSI_ROLLED for (int k = 0; k < step->count && sum > 0; ++k) {
+            for (int k = 0; k < step->count && sum > 0; ++k) {
                 const float *from = step->from + (size_t)k * fine->count;
                 float mean = 0;
                 for (int i = 0; i < count; ++i) mean += fine->depth[at[i]] / sum * from[at[i]];
@@ -18671,7 +18675,7 @@ static int spsi_flights_open(const spsi_flight_choice *choice, double scale, sps
             continue;
         }
         if (list->count + SPSI_TREE_LEAF > choice->first + choice->most) return 0;
-        SPSI_ROLLED for (int n = 0; n < (node->count > 0 ? node->count : 2); ++n) {
+        for (int n = 0; n < (node->count > 0 ? node->count : 2); ++n) {
             spsi_flight *to = n > 0 ? &list->entry[list->count++] : &list->entry[i];
             to->node = node->count > 0 ? NULL : &flights->nodes[node->first + n];
             to->emitter = to->node ? &to->node->sum : &flights->emitters[flights->order[node->first + n]];
@@ -19118,7 +19122,7 @@ static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi
 
 /* ============================================================================================== >>shading
    31 Radiance of slabs and surfaces towards the eye. Optical depth from the light is A0 + x (A1 - A0) at fraction x of
-   a ray's path through a slab. x rises in the light's order. To the eye it is x t front to back, or (1 - x) t. Both are
+   a ray's path through a slab. x rises along the light. To the eye it is x t front to back, or (1 - x) t. Both are
    linear, so the slab sends c t spsi_mean_transmittance(..) in either order. A polygon's shadow ends the range of x; a
    polygon on the ray cuts the slab (>>splat).
    Transfer functions are not linear: classified volumes have SPSI_SUBSLABS parts per slab, from a parabola through
@@ -19267,13 +19271,13 @@ static inline size_t spsi_tile_at(const spsi_tile *tile, const spsi_pixels *p, i
 }
 
 /* A slab, or a group of slabs (spsi_slabs) that differ only in depth and light. Classified volumes divide it into
-   parts, in the light's order. */
+   parts, along the light. */
 typedef struct spsi_slab {
     int k, group, part_count, material_count;
     int open;                      /* bit mask of unfinished rays */
     spsi_sample *samples;          /* material_count per part */
     spsi_v enter, leave;           /* depths along the ray */
-    spsi_v first, last;            /* crossed range as slab fractions, in the light's order */
+    spsi_v first, last;            /* crossed range as slab fractions, along the light */
     spsi_arrival *arrivals;        /* one per shadow */
     spsi_v depth;                  /* total optical depth */
     spsi_v part_depth[SPSI_SUBSLABS];
@@ -19285,13 +19289,13 @@ typedef struct spsi_subslab {
     const spsi_sample *samples;
     spsi_v middle;
     spsi_v half;
-    spsi_v ends[2];     /* depths in the light's order, bit-identical to neighbours' */
+    spsi_v ends[2];     /* depths along the light, bit-identical to neighbours' */
     spsi_v depth;       /* optical depth */
     spsi_v first, last; /* range, as fractions of the slab's optical depth */
-    int number;         /* index in the light's order */
+    int number;         /* index along the light */
     int is_cut;         /* 1: cut by a layer to the fractions `cut` */
     spsi_v cut[2];
-    spsi_v before, after; /* optical depth from the eye to both ends, in the light's order */
+    spsi_v before, after; /* optical depth from the eye to both ends, along the light */
 } spsi_subslab;
 
 /* Mean depth at which rays see a classified volume in a slab. Returns the mask of rays that see it. */
@@ -19806,7 +19810,7 @@ static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow
     }
 }
 
-/* Lit fraction of each part, or their mean: shadow edges may cross the path at a slant. */
+/* Lit fraction of each part, or their mean, since shadow edges may cross the path obliquely. */
 static void spsi_lit_fractions(const spsi_shader *shader, const spsi_depth_map *map, const spsi_pixels *p,
                                const spsi_slab *slab, spsi_v lit[SPSI_SUBSLABS]) {
     const int backwards = shader->sweep->back_to_front;
@@ -21070,7 +21074,7 @@ static int spsi_end_rays(const spsi_shader *shader, int k, spsi_row *row) {
     return bits != 0;
 }
 
-/* Returns the number of nonempty slabs, times pixels. */
+/* Returns the number of nonempty slabs times `width`. */
 static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int width) {
     const spsi_shader *shader = shading->shader;
     const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
@@ -22035,7 +22039,7 @@ static double spsi_patches_find(const spsi_cell_job *job) {
             const int own = walls[i].queued;
             const float bright = own < 0 ? 0 : walls[own].patch;
             sum -= (double)bright;
-            SPSI_ROLLED for (int link = 0; link < 27 && own >= 0; ++link) {
+            for (int link = 0; link < 27 && own >= 0; ++link) {
                 const int x = own % pitch + 1 - link % 3, y = own / pitch % size[1] + 1 - link / 3 % 3;
                 const int z = own / pitch / size[1] + 1 - link / 9, at = (z * size[1] + y) * pitch + x;
                 if (x < 0 || y < 0 || z < 0 || x >= size[0] || y >= size[1] || z >= size[2]) continue;
@@ -23952,7 +23956,7 @@ SPSI_COLD double spsi_spheres_depth(const spsi_frame *frame) {
 }
 
 /* Against black, a medium with relative error e, covering a fraction c of the pixels, has error e / sqrt(c) in the
-   image. Out of view, it may still shade polygons. `spheres`: from spsi_spheres_depth. */
+   image. Out of view, it may still shadow polygons. `spheres`: from spsi_spheres_depth. */
 SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting *setting, double spheres) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     const double covered = spsi_dmin(spsi_covered_pixels(frame), pixels);
@@ -25137,11 +25141,11 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double r
             const float *values = grid->values + line * (size_t)grid->size[0] + v.first[0];
             const double weight = v.weights[2][z] * v.weights[1][y];
             SPSI_ROLLED for (int x = 0; x < v.count[0]; ++x) row[x] += weight * (double)values[x];
-            SPSI_ROLLED for (int x = 0; x < v.count[0] && gradient; ++x) {
+            for (int x = 0; x < v.count[0] && gradient; ++x) {
                 by_y[x] += v.weights[2][z] * v.slopes[1][y] * (double)values[x];
                 by_z[x] += v.slopes[2][z] * v.weights[1][y] * (double)values[x];
             }
-            SPSI_ROLLED for (int x = 0; x < v.count[0] && range; ++x) {
+            for (int x = 0; x < v.count[0] && range; ++x) {
                 low[x] = spsi_fmin(values[x], low[x]);
                 high[x] = spsi_fmax(values[x], high[x]);
             }
@@ -26394,7 +26398,7 @@ SPSI_COLD int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *s
     const double dense = step->passes.term[1] * (step->ray.high - step->ray.low);
     if (!step->lit || step->before.low > SPSI_BRACKET_SEEN) return 0;
     if (step->smooth && dense > SPSI_BRACKET_DENSE && halvings < SPSI_BRACKET_HALVINGS)
-        return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) <= SPSI_BRACKET_DENSE; /* 0: too dense for any halving */
+        return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) <= SPSI_BRACKET_DENSE; /* 0: too dense even so */
     for (int i = 0; i < marcher->light_count && halvings < SPSI_BRACKET_EDGES; ++i) {
         const spsi_light *light = &marcher->frame->lights.list[i];
         spsi_enclosure passes[3];

@@ -60,7 +60,7 @@ CONTENTS (search for the tag)
     >>convolving    35 sheets of spreading light     >>sweep         36 chunks of slabs, tiles
     >>budget        37 settings to meet a budget     >>frame         38 sweeps, then the image
     >>plan          39 cost before rendering         >>reference     40 brute-force ray marching
-    >>bounds        41 guaranteed bounds on it       >>paths         42 random paths
+    >>bounds        41 guaranteed bounds on radiance >>paths         42 random paths
     >>public        43 the public functions          >>licence
 
 NOT INCLUDED
@@ -77,7 +77,7 @@ CONVENTIONS
     A point light's color is its intensity: irradiance = intensity / distance^2, unless its falloff is none.
     Extinction is per unit length at value 1. Phase functions integrate to 1 over the sphere (isotropic: 1 / 4 pi).
     A surface of reflectance r reflects a radiance of r / pi * irradiance * cosine towards the eye.
-    Voxel (i,j,k) sits at the centre of its cell; x runs fastest. A volume stands for the field f(p) = sum of value *
+    Voxel (i,j,k) sits at the centre of its cell; x runs fastest. A volume represents the field f(p) = sum of value *
     kernel(p - centre). The kernel is a normalised Gaussian with a standard deviation of 0.65 voxels. Values outside the
     box are 0, so the field fades out within 2.5 voxels of it. sps_reference marches through exactly this sum;
     sps_render cuts the kernels at 1.8 to 2.5 voxels, depending on quality.
@@ -91,13 +91,13 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
     SPS_API                      default extern; may be an export attribute, or `static`, which drops unused functions
     SPS_ASSERT(c)                default assert(c); catches bugs in the library and in parallel_for_fn, not bad input
     SPS_MALLOC(n), SPS_FREE(p)   default malloc, free; used if the config has no allocator (define both or neither)
-    SPS_SNPRINTF                 default snprintf; writes the error sentences
+    SPS_SNPRINTF                 default snprintf; formats the error sentences
     SPS_CLOCK()                  default clock() in seconds; paces progress_fn if the config has no clock_fn. Below 0:
                                  no clock, and progress_fn is called during and after every task
     SPS_ALLOW_FAST_MATH          allows -ffast-math, -ffinite-math-only and /fp:fast, otherwise an #error. With them,
                                  invalid data goes unnoticed, and polygons may show gaps
     SPS_NO_SIMD                  plain C; the default is the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the
-                                 compiler is told to use (-march=native, /arch:AVX2, ...)
+                                 compiler targets (-march=native, /arch:AVX2, ...)
 
 MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs about
     10 bytes per relevant voxel, 32 per particle, 176 per triangle, 24 to 60 per pixel and 68 per texel of shadow
@@ -112,13 +112,13 @@ THREADS   A context serves one call at a time. Any number of contexts may run at
     exception or longjmp. If one does, later calls return SPS_ERROR_CALLBACK. Destroying the context and its maps then
     frees all memory, if C code has unwind tables (-fexceptions).
 REPEATABLE   A build produces identical bits on every run, for any number of workers and any region of an image. On
-    different machines, that takes the same C library, rounding mode and denormal handling. Only a budget (sps_view)
+    different machines, this requires the same C library, rounding mode and denormal handling. Only a budget (sps_view)
     depends on the clock, earlier frames, the region and the number of workers.
-LIMITS   Images and shadow buffers up to 16384 on a side; projected textures up to 4096; 2^28 entries of a shadow
-    table; 2^20 slabs. Coordinates and matrices within 1e15; voxels of 1e-14 to 1e10 world units, polygons from 1e-20
-    up. Polygons shadow gas from point lights at most 1e7 times as far away as the gas is wide. They shadow only points
-    farther behind them than 1.2e-7 of their corners' distance from the mesh's origin. Values above 1e18 are an error;
-    values below 1e-30 count as 0. Beyond an optical depth of 86, transmittance is 0; an opaque polygon has 1e15.
+LIMITS   Images and shadow buffers up to 16384 on a side; projected textures up to 4096; shadow tables up to 2^28
+    entries; 2^20 slabs. Coordinates and matrices within 1e15; voxels of 1e-14 to 1e10 world units, polygons from 1e-20
+    up. Polygons shadow gas from point lights up to 1e7 times the gas's width away. They shadow only points farther
+    behind them than 1.2e-7 of their vertices' distance from the mesh's origin. Values above 1e18 are an error;
+    values below 1e-30 count as 0. Beyond an optical depth of 86, transmittance is 0; an opaque polygon's is 1e15.
 
 PAPERS
     C. Zhang, R. Crawfis, "Light Propagation for Mixed Polygonal and Volumetric Data Using Splatting" >>slicing
@@ -196,14 +196,14 @@ typedef struct sps_error_info {
     sps_result result;
     sps_object object;
     /* Index of the volume, mesh, light or particle set in the scene's array; -1 for other objects. After
-       sps_tmap_finish, it counts through all scenes added to the map. */
+       sps_tmap_finish, it counts across all scenes added to the map. */
     int index;
     /* Member of the object in C syntax ("transfer.points[2].value"; colors and directions as a whole), or the callback
        that failed. SPS_ERROR_DATA: the value ("particle[7].radius"). Inside sps_grid and sps_indexed_mesh:
        "grid.scale", "arrays.positions". "": the object as a whole. */
     char field[64];
     double value;       /* the field's value, the callback's result, or another number in the sentence */
-    char sentence[256]; /* the text that sps_error returns */
+    char sentence[256]; /* as returned by sps_error */
 } sps_error_info;
 
 /* Runs a loop in parallel: calls task(task_data, index, worker) once for each index 0..count-1, in any order, on any
@@ -233,22 +233,22 @@ typedef struct sps_config {
     uint32_t end_canary; /* leave 0 */
 } sps_config;
 
-/* An affine map from local to world space: origin, and the images of the unit vectors along x, y, z. If all axes are
-   zero, the unit vectors replace them. A zero determinant is an error. */
+/* An affine map from local to world space: origin, and the images of the unit vectors along x, y, z. All-zero axes
+   stand for the unit vectors. A zero determinant is an error. */
 typedef struct sps_placement {
     double origin[3];
     double axis[3][3];
 } sps_placement;
 
 /* One Henyey-Greenstein lobe: p(c) = (1 - g^2) / (4 pi (1 + g^2 - 2 g c)^1.5). c is the cosine of the scattering angle,
-   1 straight on. [Henyey & Greenstein 1941] */
+   1 straight ahead. [Henyey & Greenstein 1941] */
 typedef struct sps_lobe {
     float asymmetry; /* g, -0.99..0.99; positive scatters forward */
     float weight;    /* > 0; weights are divided by their sum */
 } sps_lobe;
 
-/* A transfer function maps values to albedo and extinction: by points, linear between them and constant beyond, or by a
-   callback. Tabulated in 2048 entries over 0..value_max. Value 0 (everything outside the data) is always empty. */
+/* A transfer function maps values to albedo and extinction, piecewise linearly between points and constant beyond, or
+   by callback. Tabulated in 2048 entries over 0..value_max. Value 0 (everything outside the data) is always empty. */
 typedef struct sps_transfer_point {
     float value;      /* >= 0; strictly increasing from point to point */
     float albedo[3];  /* albedo (gas) or reflectance (surface), 0..1 */
@@ -266,7 +266,7 @@ typedef struct sps_transfer {
 
 typedef enum sps_shading {
     SPS_SHADING_GAS = 0, /* scatters by the phase function */
-    SPS_SHADING_SURFACE  /* diffuse and specular where the gradient, taken as normal, is strong; gas elsewhere */
+    SPS_SHADING_SURFACE  /* diffuse and specular where the gradient (its normal) is strong; gas elsewhere */
 } sps_shading;
 
 /* A grid of voxels in the world. Values come from read_fn or eval_fn, in blocks of at most 38^3 voxels. Without a
@@ -281,7 +281,7 @@ typedef struct sps_volume {
     /* Optional: bounds the values in a block, to skip it without reading. May be too wide, never too narrow; write
        0..1e18 if data may be invalid. */
     int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]);
-    /* Instead of read_fn: writes the values at voxel centres, world positions in packed triples. */
+    /* Instead of read_fn: writes the values at `positions`: voxel centres in the world, packed triples. */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
     /* Non-zero: several workers may call read_fn, range_fn and eval_fn at once, in any order. They must lock whatever
@@ -340,7 +340,7 @@ typedef struct sps_triangle {
 /* The point of a mesh that a pixel shows, for shade_fn. */
 typedef struct sps_surface_point {
     double position[3]; /* world */
-    double uv[2];       /* the corners' uv, perspective-correct */
+    double uv[2];       /* interpolated between vertices, perspective-correct */
     /* Change of uv to the next pixel right and below, in the triangle's plane, to filter textures; finite even
        edge-on. */
     float uv_dx[2], uv_dy[2];
@@ -357,8 +357,8 @@ typedef struct sps_surface {
     float emission[3]; /* emitted radiance, 0..1e18; visible to the eye, lights nothing */
 } sps_surface;
 
-/* Triangles, lit from the eye's side. Rays trace their shadows on each other exactly; sps_view.shadow_resolution sets
-   their shadows in gas. Degenerate triangles are skipped; non-finite ones are an error. */
+/* Triangles, lit from the eye's side. Their shadows on each other are ray-traced, exact; in gas,
+   sps_view.shadow_resolution limits them. Degenerate triangles are skipped; non-finite ones are an error. */
 typedef struct sps_mesh {
     uint32_t start_canary; /* leave 0 */
     size_t triangle_count; /* 0: no mesh; at most 2^29, over all meshes of a scene */
@@ -369,15 +369,15 @@ typedef struct sps_mesh {
     sps_placement placement;
     float albedo[3]; /* reflectance, 0..1 */
     int has_normals, has_albedos;
-    /* Optional, for textures: sets the appearance of `count` points of this mesh, at most 4096: one per
-       visible triangle in each pixel of the region, in rows from the top. `out` arrives with the albedo of the mesh or
-       its vertices, and no emission. Points must not depend on others in the call. Out-of-range values are
+    /* Optional, for textures: sets the appearance of `count` points of this mesh, at most 4096: one per visible
+       triangle in each pixel of the region, in rows from the top. `out` arrives with the albedo of the mesh or its
+       vertices, and no emission. Results must not depend on other points of the call. Out-of-range values are
        SPS_ERROR_DATA. Transmittance maps do not call it. */
     int (*shade_fn)(void *user, size_t count, const sps_surface_point *points, sps_surface *out);
     void *shade_user;
     /* Fraction of red, green and blue that passes straight through, at any angle, 0..1; all 0: opaque. The rest is
-       reflected by `albedo` or absorbed; their sum should be at most 1. Casts colored shadows. Transmittance maps use
-       the mean of the three. */
+       reflected by `albedo` or absorbed; transmittance + albedo should be at most 1. Casts colored shadows.
+       Transmittance maps use the mean of the three. */
     float transmittance[3];
     /* Non-zero: keeps the triangles and their shadow tree for the next call, if every mesh has a revision and none has
        changed. */
@@ -385,7 +385,7 @@ typedef struct sps_mesh {
     uint32_t end_canary; /* leave 0 */
 } sps_mesh;
 
-/* Triangles over vertices in the caller's memory, for meshes without callbacks of their own:
+/* Indexed triangles in the caller's memory, for meshes without callbacks of their own:
        mesh.read_fn = sps_indexed_mesh_read, mesh.user = &indexed, mesh.triangle_count = indexed.triangle_count;
    The caller owns the struct and its arrays, under the rules of sps_grid. The arrays need not be aligned. */
 typedef struct sps_indexed_mesh {
@@ -436,7 +436,7 @@ typedef struct sps_particles {
 typedef enum sps_tmap_technique {
     /* SPS_TMAP_DEEP_OPACITY with `cubic`. As a light's shadow_map: SPS_TMAP_TABLE. */
     SPS_TMAP_DEFAULT = 0,
-    /* Every interval of every occluder: exact along the texels' rays, a reference. 16 bytes per interval and 4 per
+    /* Every interval of every occluder: exact along the texels' rays, for reference. 16 bytes per interval and 4 per
        texel. No components. */
     SPS_TMAP_DEEP,
     /* Deep shadow map [Lokovic & Veach 2000]: a polyline of transmittance, within `epsilon` along each texel's ray. If
@@ -461,7 +461,7 @@ typedef enum sps_tmap_technique {
        everything; fills gaps between clumps. 3 components. */
     SPS_TMAP_BEER,
     /* Only for sps_light.shadow_map: a shadow table, after [Ebert & Parent 1990]. Optical depth at n evenly spaced
-       planes, interpolated linearly, in steps of 16 / 65535; beyond 16 all is dark (FORWARD: 64). n 8..1024. Default:
+       planes, interpolated linearly, quantised to 16 / 65535; beyond 16 all is dark (FORWARD: 64). n 8..1024. Default:
        entries as wide and long as a texel of the light's sheets, at most 256 along each side. At most 2^28 entries of 4
        bytes. Cached from call to call. */
     SPS_TMAP_TABLE,
@@ -470,8 +470,8 @@ typedef enum sps_tmap_technique {
     SPS_TMAP_DEPTH
 } sps_tmap_technique;
 
-/* All members but far_depth may be zero: deep opacity, cubic, with 8 components. For sps_light.shadow_map, all may be
-   zero: a table. */
+/* All members zero but far_depth: deep opacity, cubic, with 8 components. For sps_light.shadow_map, all may be zero: a
+   table. */
 typedef struct sps_tmap_settings {
     uint32_t start_canary; /* leave 0 */
     sps_tmap_technique technique;
@@ -506,14 +506,14 @@ typedef enum sps_falloff {
     SPS_FALLOFF_NONE                /* irradiance = color, at any distance */
 } sps_falloff;
 
-/* How a light without a shadow_map shadows gas. Sheets follow the light slab by slab, in a sweep of their own; a table
-   is made before the sweep. */
+/* How a light without a shadow_map casts shadows in gas. Sheets follow the light slab by slab, in a sweep of their own;
+   a table is made before the sweep. */
 typedef enum sps_shadow_source {
-    /* Sheets where slabs serve both light and camera, else a table. Further lights, and all under
+    /* Sheets where slabs suit both light and camera, else a table. Further lights, and all under
        SPS_SCATTERING_MULTIPLE, use tables if that loses no detail and fits memory_limit. Depends on volumes' boxes and
        particles' positions. */
     SPS_SHADOW_AUTO = 0,
-    SPS_SHADOW_SHEETS, /* SPS_ERROR_UNSUPPORTED where no slabs serve light and camera */
+    SPS_SHADOW_SHEETS, /* SPS_ERROR_UNSUPPORTED where no slabs suit light and camera */
     SPS_SHADOW_TABLE   /* a table with default settings, of shadow_map_resolution */
 } sps_shadow_source;
 
@@ -530,17 +530,17 @@ typedef struct sps_projector {
        90 degrees). Directional light: in world units from sps_light.position. */
     double left, right, bottom, top;
     double up[3]; /* towards the image's top row; zero or along the direction: an axis across it is chosen */
-    /* Disc, rectangle: distance along the direction at which the image is sharp, beyond the light's own depth; 0:
+    /* Disc, rectangle: distance along the direction at which the image is sharp, exceeding the light's own depth; 0:
        infinity. At distance d the blur is |1 - d / focus| times the light's size. A directional light is sharp at
        sps_light.position. */
     double focus;
     uint32_t end_canary; /* leave 0 */
 } sps_projector;
 
-/* A light. Area lights cast penumbrae, but gas scatters their light as if from the centre; size 0 matches a sharp light
-   bit for bit. Sheets shadow gas in slabs perpendicular to the half vector of eye and light. All rays of both through
-   gas must cross the slabs at a cosine of 0.1 or more. Otherwise (a point light in or near a volume, a very wide
-   camera) see shadow_source. Polygons have no such limit. */
+/* A light. Area lights cast penumbrae, but gas scatters their light as if from the centre; size 0 matches a point or
+   directional light bit for bit. Sheets shadow gas in slabs perpendicular to the half vector of eye and light. All rays
+   of both through gas must cross the slabs at a cosine of 0.1 or more. Otherwise (a point light in or near a volume, a
+   very wide camera) see shadow_source. Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
     sps_light_kind kind;
@@ -569,8 +569,8 @@ typedef struct sps_light {
        per component of techniques without lists. Evenly spaced OPACITY planes without `cubic` become the table's.
        byte_budget limits the table. A map has no slicing limit, and takes six faces around a point light amid gas.
        near_depth, far_depth and surface_bias must be 0. An error for area lights. If all volumes have a revision, the
-       next call reuses a table of the same gas; a failing call may release it. Too few components blotch dense or
-       surface-shaded volumes. Borrowed for the call. */
+       next call reuses a table of the same gas; a failing call may release it. With too few components, dense or
+       surface-shaded volumes show blotches. Borrowed for the call. */
     const sps_tmap_settings *shadow_map;
     /* Shadows in gas where shadow_map is NULL. With a shadow_map, SPS_SHADOW_SHEETS is an error, and SPS_SHADOW_TABLE
        requires a table. */
@@ -636,8 +636,8 @@ typedef enum sps_scattering {
        cost. [Ebert & Parent] */
     SPS_SCATTERING_AMBIENT,
     /* Multiple scattering by small angles: a closed form in the optical depth and angle of the straight path from light
-       to eye. Accurate for forward scattering; backscattered light is mostly missing. Ends at an optical depth of 64.
-       Lights without shadows get only single scattering; polygons receive none of it. Cost: a few percent of the
+       to eye. Accurate for forward scattering; backscattered light is mostly missing. Cut off at an optical depth of
+       64. Lights without shadows get only single scattering; polygons receive none of it. Cost: a few percent of the
        time. */
     SPS_SCATTERING_FORWARD,
     /* FORWARD, plus sideways spreading from sheet to sheet of each light, by Gaussian kernels whose variance the phase
@@ -646,18 +646,18 @@ typedef enum sps_scattering {
     SPS_SCATTERING_CONVOLUTION,
     /* Multiple scattering in every direction, on one to four grids of cubic cells around all gas. Adds backscattered
        light, light from gas to gas, emission and ambient light; straight paths as in FORWARD. Opaque polygons block
-       light between cells and reflect it by the mesh's albedo; translucent ones let it pass. Area lights light cells
-       from their centre; lights without shadows reach cells only via polygons. Cells are reused for any camera if
+       light between cells and reflect it by the mesh's albedo; translucent ones let it pass. Area lights illuminate
+       cells from their centre; lights without shadows reach cells only via polygons. Cells are reused for any camera if
        nothing else has changed, every volume and mesh has a revision, and no light has a projector. [Discrete
        ordinates: Lebedev 1976, Wiscombe 1977] */
     SPS_SCATTERING_MULTIPLE
 } sps_scattering;
 
-/* How voxels fill the sheets of eye, lights and maps. Classified ones fill cells and the sheets of CONVOLUTION
-   likewise. Particles are always splatted. */
+/* How voxels fill the sheets of eye, lights and maps. Also how classified ones fill cells and CONVOLUTION's sheets.
+   Particles are always splatted. */
 typedef enum sps_filling {
-    /* The cheaper one for each volume and pass. It may change from frame to frame, and the picture with it, mostly by
-       0.1 % for gas and 1 % if classified. Ignores memory_limit. */
+    /* The cheaper one for each volume and pass. The choice, and so the picture, may change from frame to frame, mostly
+       by 0.1 % for gas and 1 % if classified. Ignores memory_limit. */
     SPS_FILLING_AUTO = 0,
     /* Voxel by voxel: cost is proportional to relevant voxels. Surface shading needs GATHER's memory, for normals. */
     SPS_FILLING_SPLAT,
@@ -731,7 +731,7 @@ typedef struct sps_reference_settings {
        is second order in it. */
     double step;
     /* Random paths per pixel, up to 2^20. 0: as in sps_view, with ambient light unshadowed. Then AUTO and MULTIPLE are
-       UNSUPPORTED if gas scatters, or lights or shadows polygons. So is CONVOLUTION if gas scatters and a light casts
+       UNSUPPORTED if gas scatters, lights polygons or shadows them. So is CONVOLUTION if gas scatters and a light casts
        shadows. Above 0: multiple scattering in gas and between gas and polygons, whatever the view says; both shadow
        ambient light. Unbiased; noise falls as 1 / sqrt(samples). Paths use the mesh's albedo, not shade_fn. */
     int samples;
@@ -755,7 +755,7 @@ typedef struct sps_budget_report {
     sps_quality quality; /* chosen, as in sps_view; slab_thickness 0: from quality */
     double slab_thickness;
     float tolerance;
-    int samples, scattering_resolution; /* 0: no area light with samples 0; no multiple scattering */
+    int samples, scattering_resolution; /* 0: no area light left it open; single scattering */
 } sps_budget_report;
 
 typedef enum sps_pass {
@@ -764,7 +764,7 @@ typedef enum sps_pass {
     SPS_PASS_EYE_POLYGONS,   /* rasterises triangles for the eye */
     SPS_PASS_LAYERS,         /* lists translucent polygons, and polygons at edges */
     SPS_PASS_TEXTURES,       /* calls shade_fn */
-    SPS_PASS_LIGHT_POLYGONS, /* rasterises depth maps for gas, per shadowing light without penumbrae, empty or not */
+    SPS_PASS_LIGHT_POLYGONS, /* rasterises depth maps for gas, per shadowing light without penumbrae, even if empty */
     SPS_PASS_TRIANGLE_TREE,  /* builds a tree for shadow rays */
     SPS_PASS_SHADOW_RAYS,    /* traces rays from polygons to each shadowing light */
     SPS_PASS_EYE_SHEETS,     /* fills the eye's sheets, per sweep; twice if backlit, with multiple scattering */
@@ -790,7 +790,7 @@ typedef struct sps_pass_report {
 
 typedef struct sps_plan_report {
     sps_pass_report pass[SPS_PASS_COUNT];
-    /* Passes over the slabs: one per light that shades by sheets; without such lights, one per part of the image. */
+    /* Passes over the slabs: one per light with shadow sheets; without such lights, one per part of the image. */
     int sweep_count;
     int color_channels;              /* 3, or 1 if every color in use is grey */
     int sheet_channels;              /* values per pixel and slab in the eye's sheets */
@@ -809,9 +809,9 @@ typedef struct sps_plan_report {
        otherwise. */
     sps_budget_report budget;
     /* Upper bound on the context's memory during sps_render, with image.depth and cached data. It excludes layers of
-       pixels and texels, and lists of maps, which may be several times as much. At most twice the use if volumes are
-       cached, unless no triangle meets a light's depth map, or scattered light is cached, too. Otherwise volumes count
-       as full boxes. */
+       pixels and texels, and lists of maps, which may be several times as much. At most twice the actual use if volumes
+       are cached, unless no triangle meets a light's depth map, or scattered light is cached, too. Otherwise volumes
+       count as full boxes. */
     size_t bytes;
 } sps_plan_report;
 
@@ -828,7 +828,7 @@ typedef struct sps_stats_report {
     uint64_t triangles, triangles_degenerate, pixels_of_polygons;
     uint64_t surface_points; /* passed to shade_fn */
     uint64_t layers;         /* translucent polygons of pixels, and polygons at edges with coverage_samples */
-    uint64_t shadow_rays;    /* rays from pixels' polygons to lights, including clear ones */
+    uint64_t shadow_rays;    /* rays from pixels' polygons to lights, including unoccluded ones */
     uint64_t particles;      /* particles of non-zero radius and optical depth */
     /* Transmittance maps: particles outside near_depth..far_depth; message_fn reports these, and such voxels. */
     uint64_t particles_outside;
@@ -934,7 +934,7 @@ SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const 
                             sps_plan_report *report);
 
 /* Renders the view's region into the caller's image, which is written only if SPS_OK is returned. Splatting takes time
-   proportional to voxels * pixels and slabs per footprint; gathering, to pixels * slabs in gas. Each shadowing light
+   proportional to voxels * pixels * slabs of a footprint; gathering, to pixels * slabs in gas. Each shadowing light
    adds as much; multiple scattering adds its cells. Any sps_result can occur. */
 SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view,
                               const sps_image *image);
@@ -955,9 +955,9 @@ SPS_API const char *sps_pass_name(sps_pass pass);
 
 /* The read_fn and range_fn of a volume whose `user` is an sps_grid. sps_grid_range tests each voxel of the block, and
    writes 0..1e18 if any is negative, above 1e18 or not finite. Threads: see sps_grid. If read_fn is sps_grid_read, the
-   library checks the grid first and returns ARGUMENT; the codes serve callbacks that wrap these functions. Both return
-   0, or 1: a field of the grid is wrong (NULL, canary, size, format, scale, offset); 2: the block reaches beyond the
-   grid. */
+   library checks the grid first and returns ARGUMENT; the codes are for callbacks that wrap these functions. Both
+   return 0, or 1: a field of the grid is wrong (NULL, canary, size, format, scale, offset); 2: the block reaches beyond
+   the grid. */
 SPS_API int sps_grid_read(void *grid, const int lo[3], const int size[3], float *out);
 SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float out_min_max[2]);
 
@@ -1006,8 +1006,8 @@ SPS_API sps_result sps_tmap_bounds(const sps_tmap *map, size_t count, const doub
 
 /* Returns the texels to upload, rows from the top, `components` floats each. Deep maps have intervals (u0, u1, optical
    depth, softness), compressed maps nodes (u, transmittance), texel after texel. Softness is 0 for uniform density, 1
-   for a soft particle's chord, less if the light lies inside it. Depth before u = 0 counts at 0, beyond 1 at 1. Six
-   faces follow each other, +x -x +y -y +z -z. Columns and rows run along the next two axes, y z, z x or x y. Centres of
+   for a soft particle's chord, less if the light lies inside it. Depth outside u = 0..1 counts at 0 or 1. Six faces
+   follow each other, +x -x +y -y +z -z. Columns and rows run along the next two axes, y z, z x or x y. Centres of
    outermost texels lie on the cube's edges: not a hardware cube map. Valid until sps_tmap_destroy; NULL before
    sps_tmap_finish. examples/shaders/ samples them as sps_tmap_query does. */
 SPS_API const float *sps_tmap_texels(const sps_tmap *map);
@@ -1016,7 +1016,7 @@ SPS_API const float *sps_tmap_texels(const sps_tmap *map);
    long as sps_tmap_texels. NULL for other maps. */
 SPS_API const uint32_t *sps_tmap_starts(const sps_tmap *map);
 
-/* Returns u of each texel's first opaque surface: below 0 before near_depth, 1e30 if there is none. Valid as long as
+/* Returns u of each texel's first opaque surface: below 0 if before near_depth, 1e30 if there is none. Valid as long as
    sps_tmap_texels. NULL if the map has none. */
 SPS_API const float *sps_tmap_surfaces(const sps_tmap *map);
 
@@ -1088,8 +1088,8 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_NOINLINE static
 #endif
 
-/* Compilers would unroll these loops up to eight times, with no gain in any frame. GCC takes the pragma only before
-   simple conditions. */
+/* Marks loops that compilers would unroll up to eight times without gain. GCC takes it only before simple
+   conditions. */
 #ifdef __clang__
 #define SPSI_ROLLED _Pragma("clang loop unroll(disable) vectorize(disable)")
 #elif defined __GNUC__ && __GNUC__ >= 8
@@ -1112,10 +1112,10 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_PARTICLES_MAX  (1 << 29)
 #define SPSI_VALUE_MAX      1e18f  /* no overflow when multiplied by extinction and length */
 #define SPSI_COORDINATE_MAX 1e15   /* products of squares do not overflow */
-#define SPSI_VALUE_MIN      1e-30f /* smaller values only make denormals */
-#define SPSI_RADIANCE_MAX   1e30f  /* cap on a sheet's emission; keeps sums finite */
-#define SPSI_DEPTH_MAX      1e15f  /* cap on optical depth, also of polygons; exp(-86) is already 0 */
-#define SPSI_LIGHT_END      16.0f  /* optical depth at which light is cut off, with 1e-7 left */
+#define SPSI_VALUE_MIN      1e-30f /* smaller values only cause denormals */
+#define SPSI_RADIANCE_MAX   1e30f  /* maximum emission of a sheet; keeps sums finite */
+#define SPSI_DEPTH_MAX      1e15f  /* maximum optical depth, also of polygons; exp(-86) is already 0 */
+#define SPSI_LIGHT_END      16.0f  /* optical depth at which the remaining light, 1e-7, is cut off */
 #define SPSI_FORWARD_END    64.0f  /* cut-off with forward scattering, >>scattering */
 #define SPSI_POINTS_MAX     256    /* per area light */
 #define SPSI_IMAGE_SIZE_MAX 4096   /* projected texture */
@@ -1127,7 +1127,7 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_BRICK       8  /* voxels on a side; unit of binning */
 #define SPSI_BRICK_BITS  3
 #define SPSI_BLOCK       32 /* voxels on a side; unit of reading */
-#define SPSI_MARGIN      3  /* voxels around a block, to find which ones a transfer function shows */
+#define SPSI_MARGIN      3  /* voxels around a block, to find which voxels a transfer function shows */
 
 /* ================================================================================================= >>simd
    2  Float vectors (spsi_v) and masks (spsi_m) of SPSI_LANES lanes. Only this section names instruction sets. Results
@@ -1202,7 +1202,7 @@ static inline spsi_v spsi_four_rows(const float *table, const int *at) {
     rows = _mm512_insertf32x4(rows, _mm_loadu_ps(table + 4 * at[8]), 2);
     return _mm512_insertf32x4(rows, _mm_loadu_ps(table + 4 * at[12]), 3);
 }
-/* `count` may exceed SPSI_LANES, as below. */
+/* Lanes before `count`, which may exceed 16. */
 static inline spsi_m spsi_first(int count) { return (spsi_m)(count < 16 ? (1u << count) - 1 : 0xffffu); }
 static inline spsi_v spsi_load_first(const float *p, int count) { return _mm512_maskz_loadu_ps(spsi_first(count), p); }
 static inline void spsi_store_first(float *p, spsi_v a, int count) { _mm512_mask_storeu_ps(p, spsi_first(count), a); }
@@ -1388,8 +1388,8 @@ static inline spsi_v spsi_floor(spsi_v a) {
 }
 #endif
 
-/* spsi_lookup: gathers grid[y * stride + x] per lane; x, y whole numbers. spsi_lookup_pair: its low and high 16 bits.
-   spsi_lookup_bit: mask of lanes where bit `bit` (0..63) of grid[at] is set. */
+/* spsi_lookup: gathers grid[y * stride + x] per lane; x, y whole numbers. spsi_lookup_pair: the low and high 16 bits of
+   that entry. spsi_lookup_bit: mask of lanes where bit `bit` (0..63) of grid[at] is set. */
 #ifdef SPSI_HAS_GATHER
 static inline spsi_i spsi_gather_at(const void *grid, int stride, spsi_v x, spsi_v y) {
     const spsi_i row = SPSI_X86(mullo_epi32)(SPSI_X86(cvttps_epi32)(y), SPSI_X86(set1_epi32)(stride));
@@ -1505,7 +1505,7 @@ static inline spsi_v spsi_sum_fours(const float *fours) {
     return spsi_add(spsi_add(four[0], four[2]), spsi_add(four[1], four[3]));
 }
 
-/* Requires a set bit. */
+/* `bits` must not be 0. */
 static inline int spsi_lowest_bit(int bits) {
 #if defined(__GNUC__)
     return __builtin_ctz((unsigned)bits);
@@ -1580,22 +1580,22 @@ static inline spsi_v spsi_exp(spsi_v x) {
 }
 
 /* ================================================================================================ >>maths
-   3  Double-precision vectors and matrices. They place things relative to the camera or first slab, before conversion
+   3  Double-precision vectors and matrices. They make positions relative to the camera or first slab before conversion
    to floats. */
 
 /* Three-point Gauss quadrature on 0..1: 1/2 +- sqrt(3/20), exact to degree 5. */
 static const double spsi_gauss_places[3] = {0.11270166537925831, 0.5, 0.88729833462074169};
 static const double spsi_gauss_weights[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
 
-/* fmax and fmin inlined, NaN handling included: library calls would take a quarter of first flights' time. */
+/* Inlined fmax and fmin, including NaN handling: library calls would take a quarter of first flights' time. */
 static inline double spsi_dmax(double a, double b) { return a > b || b != b ? a : b; }
 static inline double spsi_dmin(double a, double b) { return a < b || b != b ? a : b; }
 
 static double spsi_dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 static double spsi_length(const double a[3]) { return sqrt(spsi_dot(a, a)); }
 
-/* a b + c with identical bits at each use; compilers may fuse only some. Without hardware fma, the product is stored
-   first. */
+/* a b + c with identical bits at each use; compilers might otherwise fuse only some. Without hardware fma, the product
+   is stored first. */
 static inline double spsi_multiply_add(double a, double b, double c) {
 #if defined(FP_FAST_FMA) || defined(__FMA__) || defined(__ARM_FEATURE_FMA)
     return fma(a, b, c);
@@ -1627,7 +1627,7 @@ static void spsi_along(const double a[3], const double b[3], double t, double ou
     for (int i = 0; i < 3; ++i) out[i] = a[i] + t * b[i];
 }
 
-/* Avoids overflow and underflow. Returns 0, with a unchanged, if it has no direction. */
+/* Normalises a without overflow or underflow. Returns 0, with a unchanged, if it is zero or not finite. */
 static int spsi_normalise(double a[3]) {
     const double square = spsi_dot(a, a);
     double largest, length;
@@ -2048,7 +2048,8 @@ SPSI_COLD void spsi_release(sps_context *context, void *data) {
     spsi_free(context, link, link->bytes);
 }
 
-/* Allocates all memory but the context. Overflow, memory_limit and failure are the same error and return NULL. */
+/* Allocates all memory but the context. Overflow, memory_limit and a failing allocator are one error, and return
+   NULL. */
 SPSI_COLD void *spsi_acquire(sps_context *context, size_t count, size_t size) {
     const size_t limit = context->config.memory_limit, bytes = count * size + SPSI_LINK_BYTES;
     spsi_link *link = NULL;
@@ -2083,7 +2084,7 @@ static double spsi_clock(const sps_context *context) {
 
 #define SPSI_TICK_SECONDS 0.01
 
-/* Calls progress_fn if it is due, SPSI_TICK_SECONDS have passed, or the clock jumped or is missing. */
+/* Calls progress_fn if `due`, if SPSI_TICK_SECONDS have passed, or if the clock jumped or is missing. */
 static void spsi_tick(sps_context *context, int due) {
     double now = 0;
     if (!context->config.progress_fn || context->cancelled) return;
@@ -2093,7 +2094,7 @@ static void spsi_tick(sps_context *context, int due) {
     context->ticked = now;
 }
 
-/* Reports progress within a long task. Not with parallel_for_fn, which may run tasks on any thread. */
+/* Reports progress within a long task. Does nothing with parallel_for_fn, which may run tasks on any thread. */
 static void spsi_task_tick(sps_context *context) {
     if (!context->config.parallel_for_fn) spsi_tick(context, 0);
 }
@@ -2111,7 +2112,7 @@ SPSI_COLD void spsi_buffer_release(sps_context *context, spsi_buffer *buffer) {
     buffer->size = 0;
 }
 
-/* Growing loses the contents. Returns NULL on failure. */
+/* Makes room for `count` items; growing loses the contents. Returns NULL on failure. */
 SPSI_COLD void *spsi_buffer_reserve(sps_context *context, spsi_buffer *buffer, size_t count, size_t size) {
     const size_t wanted = count > 0 ? count : 1;
     if (buffer->data && buffer->size / size >= wanted) return buffer->data;
@@ -2140,7 +2141,7 @@ static void spsi_bytes_add(size_t *bytes, size_t count, size_t size) {
     *bytes = count > (SIZE_MAX - *bytes) / size ? SIZE_MAX : *bytes + count * size;
 }
 
-/* Reserves a numbered buffer. For a plan, it only counts the bytes beyond earlier counts of the buffer, and returns
+/* Reserves a numbered buffer. For a plan, only counts the bytes that exceed the buffer's earlier counts, and returns
    NULL without an error. */
 SPSI_COLD void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count, size_t size) {
     size_t bytes = SPSI_LINK_BYTES;
@@ -2196,8 +2197,8 @@ static void spsi_group_task(void *data, int index, int worker) {
     spsi_task_run(group->task, group->data, group->first + index, worker);
 }
 
-/* Runs rounds with progress in between. If a clock jump leaves a round idle, the next is the last, without deadline.
-   Tasks that parallel_for_fn omitted run here. */
+/* Runs tasks in rounds, with progress in between. After an idle round (the clock jumped), the next has no deadline and
+   is the last. Tasks that parallel_for_fn omitted run here. */
 static void spsi_group_run(sps_context *context, spsi_task_group *group) {
     const int timed = context->config.progress_fn && context->config.clock_fn;
     int left = group->count, stuck = 0;
@@ -2309,7 +2310,7 @@ static inline uint64_t spsi_fingerprint_word(uint64_t hash, uint64_t word) {
 #define SPSI_SIGMA       0.65 /* voxels; a lattice of kernels sums to a constant within 0.05 % */
 #define SPSI_REACH       2.5  /* voxels */
 #define SPSI_CUT         (SPSI_REACH / SPSI_SIGMA)
-#define SPSI_PIXEL_SIGMA 0.5 /* minimum footprint in pixels: the pixel filter */
+#define SPSI_PIXEL_SIGMA 0.5 /* minimum sigma of a footprint in pixels: the pixel filter */
 
 /* Fraction of a kernel's line integral before a plane; v = distance / (SPSI_CUT * standard deviation). Fitted to the
    cut Gaussian within 2e-4. Its derivative, (1 - v^2)^2 (..), keeps sheets non-negative up to round-off, 4e-7. The
@@ -2370,8 +2371,8 @@ static inline spsi_v spsi_mean_length(spsi_v d) {
 }
 
 /* ================================================================================================= >>view
-   6  Rays. Camera and light are both grids of rays through pixel or texel centres, served by one rasteriser and one
-   splatter.
+   6  Rays. Camera and light are both grids of rays through pixel or texel centres, with one rasteriser and one
+   splatter for both.
        perspective    p = origin + t (c + x a + y b).
        orthographic   p = origin + x a + y b + t c.
    Ray space is (x, y, t). Depths are stored as t - depth_reference, to keep precision for distant cameras. */
@@ -2460,7 +2461,7 @@ SPSI_COLD void spsi_axes_across(const double forward[3], const double up[3], dou
     spsi_cross(forward, right, down);
 }
 
-/* Rays of a camera without a matrix. Returns 0 without a direction or if pixels coincide. */
+/* Rays of a camera without a matrix. Returns 0 if it has no direction or if pixels coincide. */
 SPSI_COLD int spsi_rays_from_camera(spsi_rays *rays, const sps_camera *camera) {
     double forward[3], right[3], down[3], pitch;
     spsi_along(camera->target, camera->position, -1, forward);
@@ -2533,7 +2534,8 @@ SPSI_COLD int spsi_rays_of_cube_face(const double position[3], int face, int siz
 
 /* Rays from rows 0, 1 and 3 of a world-to-clip matrix; perspective ignores row 2, the depth convention. Rays lie in
    planes (r0 - X r3) p = 0, (r1 - Y r3) p = 0; directions are linear in X, Y. Orthographic rays start at clip depth -1,
-   unless over 1e12 pixels away, which loses precision. A near plane at clip depth 0 gives positive distances, too. */
+   unless that plane is over 1e12 pixels away (imprecise). A near plane at clip depth 0 gives positive distances,
+   too. */
 SPSI_COLD int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
     const double *r0 = m, *r1 = m + 4, *r3 = m + 12;
     const double dx = 2.0 / rays->width, dy = -2.0 / rays->height, x0 = -1 + 0.5 * dx, y0 = 1 + 0.5 * dy;
@@ -2569,8 +2571,8 @@ SPSI_COLD int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
     return spsi_rays_complete(rays);
 }
 
-/* Evidence that m is a camera matrix, 0..3. 1: depth depends on w: row 2 is parallel to row 3, or 0 (infinite reversed
-   depth). 2: w is in world units: row 3 has length 1 or is 0 0 0 1. */
+/* Signs of a camera matrix in m, summed. 1: depth is a function of w, as row 2 is parallel to row 3, or 0 (infinite
+   reversed depth). 2: w is in world units, as row 3 has length 1 or is 0 0 0 1. */
 static int spsi_camera_signs(const double m[16]) {
     const double *depth = m + 8, *w = m + 12, sideways = spsi_length(m) + spsi_length(m + 4);
     const double size = spsi_length(depth), unit = spsi_length(w);
@@ -2581,7 +2583,7 @@ static int spsi_camera_signs(const double m[16]) {
 }
 
 /* True if the transpose resembles a camera's perspective matrix more. Scaled worlds and oblique near planes (row 2)
-   each break one sign. */
+   lack one sign each. */
 static int spsi_is_transposed(const double m[16]) {
     double other[16];
     for (int i = 0; i < 16; ++i) other[i] = m[i % 4 * 4 + i / 4];
@@ -2596,7 +2598,7 @@ typedef struct spsi_linear {
     float base[3], slope[3];
 } spsi_linear;
 
-/* Builds row . (p - origin) + offset. */
+/* Sets `linear` to row . (p - origin) + offset. */
 SPSI_COLD void spsi_linear_build(const spsi_rays *rays, const double row[3], const double origin[3], double offset,
                                  spsi_linear *linear) {
     const double a = spsi_dot(row, rays->a), b = spsi_dot(row, rays->b), c = spsi_dot(row, rays->c);
@@ -2665,7 +2667,7 @@ static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) 
 
 /* ============================================================================================= >>transfer
    7  Materials. A medium scatters albedo * extinction * value by Henyey-Greenstein lobes; a transfer function maps
-   value to color and extinction. */
+   value to albedo and extinction. */
 
 #define SPSI_TABLE_SIZE 2048
 
@@ -2722,16 +2724,16 @@ static double spsi_phase_moment(const spsi_material *material, int l) {
 }
 
 /* Angular orders between cells, >>cells: 1 if scattering is isotropic or absent, 2 for weak lobes, else 4. Two turn a
-   lobe of asymmetry 0.5 into 1 + cosine, without backscattering. An eye at the rim, with the light behind it, would
-   miss 17 % at 0.49, 2 % at 0.2. */
+   lobe of asymmetry 0.5 into 1 + cosine, without backscattering. At the gas's rim, with the light behind the eye, they
+   miss 17 % at asymmetry 0.49, 2 % at 0.2. */
 SPSI_COLD int spsi_phase_orders(const spsi_material *material) {
     const double second = spsi_phase_moment(material, 2);
     if (!material->scatters || (second == 0 && spsi_phase_moment(material, 1) == 0)) return 1;
     return second > 0.05 ? 4 : 2;
 }
 
-/* Fraction in the forward peak: the first moment beyond the orders. Those below, rescaled, must not exceed 1 in
-   magnitude, or energy would grow; sharp backward lobes have almost no peak. */
+/* Fraction in the forward peak: the first moment beyond the orders. The lower moments, rescaled, must not exceed 1 in
+   magnitude, or energy would grow. Sharp backward lobes thus have almost no peak. */
 SPSI_COLD double spsi_phase_peak(const spsi_material *material, int orders) {
     double peak = orders > 1 ? spsi_phase_moment(material, orders) : 0;
     for (int l = 1; l < orders; ++l) peak = spsi_dmin(peak, 0.5 * (1 + spsi_phase_moment(material, l)));
@@ -2752,7 +2754,7 @@ static inline int spsi_hidden_bits(const spsi_material *material, spsi_v value) 
         spsi_less(spsi_mul(value, spsi_set(material->table_scale)), spsi_set(material->table->last_clear)));
 }
 
-/* Table entry at or before each value; `beyond`: fraction towards the next. */
+/* Index of the table entry at or before each value; `beyond`: fraction towards the next. */
 static inline spsi_v spsi_table_entry(const spsi_material *material, spsi_v value, spsi_v *beyond) {
     const spsi_v scaled = spsi_mul(value, spsi_set(material->table_scale));
     const spsi_v at = spsi_clamp(scaled, spsi_set(0), spsi_set((float)SPSI_TABLE_SIZE));
@@ -2878,14 +2880,14 @@ static int spsi_transfer_shows(const spsi_material *material, float high) {
    Lists need a ray's whole curve.
        straight lines of T within epsilon     [Lokovic & Veach 2000], thinned by least area [Salvi et al. 2010].
 
-   Inserting costs the planes crossed, or all components; lists, n log n. T is transmittance, exp(-optical depth). */
+   Insertion: a step per plane crossed, or per component; lists: n log n. T is transmittance, exp(-optical depth). */
 
 #define SPSI_TMAP_COMPONENTS 65     /* per texel */
-#define SPSI_SOFT_MOST       256    /* pieces between two ends of intervals, if any is soft */
+#define SPSI_SOFT_MOST       256    /* maximum pieces between successive ends, if an interval is soft */
 #define SPSI_SOFT_EPSILON    0.001f /* minimum error with soft intervals */
 
-/* Interval u0..u1 of a ray: uniform (soft 0), or density 1 - s^2, s = -1 to 1 (soft 1). With the light inside a
-   particle, it is the chord's last fraction `soft`. Ends may exceed 0..1; depth outside counts at 0 or 1. */
+/* Interval u0..u1 of a ray: uniform (soft 0), or density 1 - s^2, s = -1 to 1 (soft 1). If the light is inside the
+   particle, it is the chord's last fraction, `soft`. Ends may exceed 0..1; depth outside counts at 0 or 1. */
 typedef struct spsi_interval {
     float u0, u1, depth, soft;
 } spsi_interval;
@@ -2897,7 +2899,7 @@ typedef struct spsi_intervals {
 } spsi_intervals;
 
 /* Node of a curve of optical depth or transmittance. Linear between nodes, unattenuated before, constant after. Two
-   nodes at one u are a jump (thin sheet, opaque surface), included at u. */
+   nodes at one u are a jump (thin sheet, opaque surface), included in the value at u. */
 typedef struct spsi_node {
     float u, value;
 } spsi_node;
@@ -2921,7 +2923,7 @@ typedef struct spsi_technique {
     void (*insert)(const sps_tmap_settings *settings, float *sums, size_t stride, const spsi_intervals *intervals);
     /* Converts sums to stored components; NULL: identity. */
     void (*finish)(const sps_tmap_settings *settings, float *texel);
-    /* Optical depths before each of `count` rising u in 0..1. */
+    /* Optical depths before `count` ascending u in 0..1. */
     void (*depths)(const sps_tmap_settings *settings, const spsi_texel *texel, int count, const float *u,
                    float *depths);
     /* Guaranteed bounds; NULL: 0 .. SPSI_DEPTH_MAX. */
@@ -2970,7 +2972,7 @@ static inline int spsi_interval_less(const spsi_interval *a, const spsi_interval
     return a->soft < b->soft;
 }
 
-/* Merges two sorted parts. A start already in order stays in place, so nearly sorted lists are cheap. */
+/* Merges two sorted parts. Leading items already in order are not moved, so nearly sorted lists are cheap. */
 static void spsi_intervals_merge(spsi_interval *list, size_t half, size_t count, spsi_interval *scratch) {
     size_t to = half, left = 0, right = half, moved;
     while (to > 0 && spsi_interval_less(&list[half], &list[to - 1])) --to;
@@ -3022,7 +3024,7 @@ static inline spsi_v spsi_intervals_capped(const spsi_intervals *intervals) {
 
 static inline void spsi_accumulate(float *sums, spsi_v more) { spsi_store(sums, spsi_add(spsi_load(sums), more)); }
 
-/* Range of the intervals within 0..1. Returns 0 if empty. */
+/* Range of the intervals within 0..1. Returns 0 if all are empty. */
 static int spsi_intervals_extent(const spsi_intervals *intervals, float *first, float *last) {
     float u0[SPSI_LANES], u1[SPSI_LANES];
     const spsi_m there = spsi_less(spsi_set(0), intervals->depth);
@@ -3061,7 +3063,7 @@ typedef struct spsi_curve {
     float u;          /* last end passed */
     double depth;     /* depth of uniform intervals at u */
     spsi_sum slope;   /* their slope at u */
-    int open;         /* uniform intervals that have not ended */
+    int open;         /* uniform intervals not yet ended */
     spsi_node *nodes;
     int node_count;
 } spsi_curve;
@@ -3091,8 +3093,8 @@ static double spsi_curve_depth(const spsi_curve *curve, float u, int jumps) {
     return sum;
 }
 
-/* True if a chord is close enough. Between ends, the curve is a cubic; its distance from a chord, t (1 - t) (a + b t),
-   follows from two points. */
+/* True if a chord over `step` keeps T within the error. Between ends, the curve is a cubic; its distance from a chord,
+   t (1 - t) (a + b t), follows from two points. */
 static int spsi_curve_is_straight(const spsi_curve *curve, float u, double step, double depth) {
     const double end = spsi_curve_depth(curve, (float)((double)u + step), 0);
     const double first = spsi_curve_depth(curve, (float)((double)u + step / 3), 0) - (2 * depth + end) / 3;
@@ -3121,8 +3123,8 @@ static void spsi_curve_advance(spsi_curve *curve, float end) {
     curve->u = end;
 }
 
-/* An interval's two ends within 0..1: from u0 on, `depth` accrues over length u1 (negative: no longer); `soft` is a
-   jump. */
+/* An interval's two ends, clamped to 0..1. At each u0, the slope changes by depth / u1 (negative at the second), and
+   the curve jumps by `soft`. */
 static void spsi_curve_ends(const spsi_interval *interval, spsi_interval ends[2]) {
     const float depth = spsi_fmin(interval->depth, SPSI_DEPTH_MAX), length = interval->u1 - interval->u0;
     const float first = spsi_fmax(spsi_fmin(interval->u0, 1), 0), last = spsi_fmax(spsi_fmin(interval->u1, 1), 0);
@@ -3198,7 +3200,7 @@ static inline float spsi_plane(const sps_tmap_settings *settings, int i) {
     return settings->planes ? settings->planes[i] : (float)(i + 1) / (float)settings->components;
 }
 
-/* First plane at or behind u, or the last. The search of even planes starts one early, for round-off. */
+/* First plane at or behind u, or the last. The search among even planes starts one early, against round-off. */
 static int spsi_plane_from(const sps_tmap_settings *settings, float u) {
     const int last = settings->components - 1;
     int i = settings->planes ? 0 : spsi_imax((int)(u * (float)settings->components) - 1, 0);
@@ -3232,7 +3234,7 @@ static void spsi_opacity_finish(const sps_tmap_settings *settings, float *texel)
     }
 }
 
-/* a / b, or 0 between planes at one u. */
+/* a / b, or 0 for two planes at the same u. */
 static inline float spsi_ratio(float a, float b) { return b > 0 ? a / b : 0; }
 
 /* Curves interpolate planes; plane -1 is at u = 0, with depth 0. */
@@ -3289,8 +3291,8 @@ static void spsi_opacity_bracket(const sps_tmap_settings *settings, const spsi_t
 
 /* ---- Fourier series ---- */
 
-/* Mean of cos(2 pi k (u - m)) over an interval with middle m, half length h; x = 2 pi k h. Uniform: sin x / x. Soft: 3
-   (sin x - x cos x) / x^3; for x < 2 its series to x^10, against cancellation. */
+/* Mean of cos(2 pi k (u - m)) over an interval with midpoint m, half length h; x = 2 pi k h. Uniform: sin x / x. Soft:
+   3 (sin x - x cos x) / x^3; for x < 2 its series to x^10, against cancellation. */
 static inline spsi_v spsi_fourier_spread(spsi_v x, spsi_v c, spsi_v s, float soft) {
     const spsi_v one = spsi_set(1), safe = spsi_max(x, spsi_set(1e-6f)), square = spsi_mul(x, x);
     if (!(soft > 0)) return spsi_select(spsi_less(x, spsi_set(1e-6f)), one, spsi_div(s, safe));
@@ -3409,7 +3411,7 @@ static void spsi_cuts_piece(spsi_cuts *cuts, const spsi_node *curve, int i) {
     cuts->end = exp(-cuts->piece.t1);
 }
 
-/* Returns 0 at the piece's end. Cuts round down, but advance by at least one float. */
+/* Finds the next cut; 0: the piece's end. Cuts round down, but advance by at least one float. */
 static int spsi_cuts_next(spsi_cuts *cuts, double step) {
     const spsi_piece *piece = &cuts->piece;
     const double length = piece->u1 - piece->u0, more = piece->t1 - piece->t0, root = sqrt(cuts->through) - step;
@@ -3430,7 +3432,7 @@ typedef struct spsi_compressor {
     spsi_node *out;
     int count;
     double low, high;            /* range of slopes from the last node that stay within the error */
-    double below, above;         /* maximum distances below and above a cut */
+    double below, above;         /* the line's maximum distances below and above a cut */
     double last_u, last_through; /* last cut that the slopes satisfy */
 } spsi_compressor;
 
@@ -3450,7 +3452,7 @@ static void spsi_compressor_end(spsi_compressor *c) {
     spsi_compressor_node(c, c->last_u, spsi_dmax(start + slope * length, 0));
 }
 
-/* Returns 0, with slopes unchanged, if none satisfies the cut. */
+/* Returns 0, with slopes unchanged, if no slope satisfies the cut. */
 static int spsi_compressor_allows(spsi_compressor *c, double u, double through) {
     const spsi_node *from = &c->out[c->count - 1];
     const double length = u - (double)from->u, start = (double)from->value;
@@ -3482,7 +3484,7 @@ SPSI_COLD int spsi_compressed_most(int count, float epsilon) {
 }
 
 /* Deep shadow map: a falling polyline of T, within epsilon (at least 1e-6) everywhere, by greedy search. A quarter of
-   epsilon is for cuts, 1.2e-7 for round-off. `out` has room for spsi_compressed_most(count, epsilon). Cost: linear in
+   epsilon covers cuts, 1.2e-7 round-off. `out` has room for spsi_compressed_most(count, epsilon). Cost: linear in
    cuts. */
 static int spsi_curve_compress(const spsi_node *curve, int count, float epsilon, spsi_node *out) {
     const double error = (double)spsi_fmax(epsilon, SPSI_EPSILON_MIN), step = spsi_compress_step(epsilon);
@@ -3513,7 +3515,7 @@ static inline double spsi_node_cost(const spsi_node *node) {
 }
 
 /* Makes the last T exact, then removes nodes of least area until `most` are left. Thinning during insertion [Salvi et
-   al. 2010] doubles the error with 4 nodes. */
+   al. 2010] would double the error with 4 nodes. */
 static int spsi_nodes_thin(spsi_node *line, int count, int most, float total) {
     const float last = (float)exp(-(double)spsi_fmin(total, SPSI_DEPTH_MAX));
     for (int i = count - 1; i >= 0 && (i == count - 1 || line[i].value < last); --i) line[i].value = last;
@@ -3574,7 +3576,7 @@ typedef struct spsi_hankel {
     double factor[SPSI_MOMENTS_MAX / 2 + 1][SPSI_MOMENTS_MAX / 2 + 1]; /* lower triangle */
 } spsi_hankel;
 
-/* Returns 0 unless positive definite: b are moments of at least `size` points. */
+/* Returns 0 unless the matrix is positive definite, as for moments of at least `size` points. */
 SPSI_COLD int spsi_hankel_factor(spsi_hankel *hankel, const double *b) {
     for (int i = 0; i < hankel->size; ++i)
         for (int j = 0; j <= i; ++j) {
@@ -3615,7 +3617,7 @@ SPSI_COLD double spsi_hankel_solve(const spsi_hankel *hankel, double x, double *
     return squares;
 }
 
-#define SPSI_ROOT_REACH 1000 /* farther roots weigh under 1e-12, as moments are at most 1 */
+#define SPSI_ROOT_REACH 1000 /* farther roots have masses below 1e-12, as moments are at most 1 */
 
 /* Roots within SPSI_ROOT_REACH, larger first, without cancellation. Double roots do not count. */
 SPSI_COLD int spsi_parabola_roots(double a, double b, double c, double *roots) {
@@ -3627,8 +3629,8 @@ SPSI_COLD int spsi_parabola_roots(double a, double b, double c, double *roots) {
     return count;
 }
 
-/* Real roots. The cubic's farthest root on the side of their mean has a closed form without cancellation [Viete]. No
-   other is over twice as large, so deflation is stable. If all are 0, `turn` and `rest` are NaN, and 0 is found
+/* Real roots. The cubic's farthest root on the side of the roots' mean has a closed form without cancellation [Viete].
+   No other root is over twice as large, so deflation is stable. If all are 0, `turn` and `rest` are NaN, and 0 is found
    once. */
 SPSI_COLD int spsi_polynomial_roots(const double *c, int degree, double *roots) {
     double side, a, b, q, turn, root, rest;
@@ -3643,8 +3645,8 @@ SPSI_COLD int spsi_polynomial_roots(const double *c, int degree, double *roots) 
     return count;
 }
 
-/* Bounds on the mass before z, from the one distribution of `size` points including z. The others are roots of sum
-   p_k(z) p_k(x), with masses 1 / sum p_k^2 [Akhiezer 1965]. */
+/* Bounds on the mass before z, from the unique distribution of `size` points including z. The other points are roots of
+   sum p_k(z) p_k(x), with masses 1 / sum p_k^2 [Akhiezer 1965]. */
 SPSI_COLD void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bounds[2]) {
     double at[SPSI_MOMENTS_MAX / 2 + 1], c[SPSI_MOMENTS_MAX / 2 + 1], roots[SPSI_MOMENTS_MAX / 2 + 1], before = 0;
     const double here = 1 / spsi_hankel_solve(hankel, z, at);
@@ -3670,8 +3672,8 @@ SPSI_COLD double spsi_moment_factor(const sps_tmap_settings *settings, const flo
     return spsi_hankel_build(hankel, texel, settings->components, biases[(settings->components - 5) / 2]);
 }
 
-/* Biases of [Muenstermann et al. 2018] for floats. Cost: factorising 3 or 4 rows, roots of degree 2 or 3. Exact at u =
-   1. */
+/* Uses the biases of [Muenstermann et al. 2018] for floats. Cost: factorising 3 or 4 rows, roots of degree 2 or 3.
+   Exact at u = 1. */
 SPSI_COLD void spsi_moment_depths(const sps_tmap_settings *settings, const spsi_texel *texel, int count,
                                   const float *u, float *depths) {
     static const double biases[2] = {5e-7, 5e-6};
@@ -3687,8 +3689,8 @@ SPSI_COLD void spsi_moment_depths(const sps_tmap_settings *settings, const spsi_
     }
 }
 
-/* With G in 0..1, bounds on (1 - a) F + a G put F within (low - a) / (1 - a) .. high / (1 - a). Round-off d is covered
-   if d (matrix size) < a (smallest eigenvalue: 0.199, 0.0137): 2e-6, as after a thousand sums. */
+/* With G in 0..1, bounds on (1 - a) F + a G place F within (low - a) / (1 - a) .. high / (1 - a). Round-off d is
+   covered if d * size < a * (smallest eigenvalue: 0.199, 0.0137): 2e-6, as after a thousand sums. */
 static void spsi_moment_bracket(const sps_tmap_settings *settings, const spsi_texel *texel, float u,
                                 float bracket[2]) {
     static const double biases[2] = {3e-5, 6e-4};
@@ -3763,7 +3765,7 @@ SPSI_COLD int spsi_components_of(const sps_tmap_settings *settings) {
 }
 
 /* ================================================================================================ >>scene
-   9  The frame: checked scene and view with all defaults resolved, so later chapters interpret no zeros. Only a light's
+   9  The frame: checked scene and view, all defaults resolved; later chapters need not interpret zeros. Only a light's
    map size may stay 0 until the medium has been read. */
 
 typedef struct spsi_lattice {
@@ -3789,7 +3791,7 @@ typedef struct spsi_particle_set {
 } spsi_particle_set;
 
 typedef struct spsi_mesh {
-    sps_mesh given; /* no all-zero axes */
+    sps_mesh given; /* all-zero axes resolved */
     int index;
 } spsi_mesh;
 
@@ -3798,14 +3800,14 @@ typedef struct spsi_light_extent {
     int exists;
     int is_disc;       /* 0: rectangle */
     double radius;     /* maximum distance from the centre: world units; radians if directional */
-    double axis[2][3]; /* vectors from centre to (1, 0) and (0, 1); directional: unit vectors */
+    double axis[2][3]; /* vectors from the centre to (1, 0), (0, 1); directional: unit vectors */
 } spsi_light_extent;
 
 /* Spotlight cone. Intensity is clamp((none - v) / rim, 0, 1)^2 with v = 1 - cos(angle); plain cosines cannot resolve
    narrow cones. */
 typedef struct spsi_cone {
     int exists;
-    double none, rim; /* v at the outer angle; difference to the inner */
+    double none, rim; /* v at the outer angle; minus v at the inner */
 } spsi_cone;
 
 /* Projected texture (cookie). The texel for a point at `offset` from the light is
@@ -3827,7 +3829,7 @@ typedef enum spsi_choice {
     SPSI_CHOICE_TABLE_IN_GAS, /* light in or near the medium: no slabs fit */
     SPSI_CHOICE_TABLE_CAMERA, /* no slabs suit both light and camera */
     SPSI_CHOICE_TABLES,       /* several tables for an area light */
-    SPSI_CHOICE_TABLE_SHARED, /* saves a sweep of its own */
+    SPSI_CHOICE_TABLE_SHARED, /* saves the light's own sweep */
     SPSI_CHOICE_TABLE_AGAIN   /* >>cells needs one anyway */
 } spsi_choice;
 
@@ -3848,12 +3850,12 @@ typedef struct spsi_light {
     int few_count;
     int samples;
     int shadows;
-    int sliced;                    /* 1: sheets store its transmittance in media */
+    int sliced;                    /* 1: sheets store its transmittance through media */
     int has_map;                   /* 1: a transmittance map stores it */
     spsi_choice choice;
     int tables;                    /* tables for its points; 0 or 1: not split */
     int map_size;                  /* longer side in texels; 0: fitted to the medium */
-    const spsi_bounds *map_bounds; /* bounds of the media it serves; NULL: all */
+    const spsi_bounds *map_bounds; /* bounds of the media it covers; NULL: all */
     int map_omnidirectional;
     sps_tmap_settings map;         /* technique resolved */
     float planes[65];              /* copy of map.planes, if any */
@@ -3863,7 +3865,7 @@ typedef struct spsi_accuracy {
     double threshold;     /* transmittance that ends eye rays */
     double shadow_texels; /* shadow texels per voxel */
     double texel_pixels;  /* minimum shadow texel in pixels; 0: set by caller */
-    double slab_pixels;   /* minimum slab in pixels; 0: set by caller */
+    double slab_pixels;   /* minimum slab thickness in pixels; 0: set by caller */
     int depth_map_texels; /* minimum resolution */
     double cut;           /* kernel radius in standard deviations */
     double light_cut;     /* cut of classified volumes in light sheets */
@@ -3921,11 +3923,11 @@ typedef struct spsi_image {
 
 #define SPSI_CELL_SETS 6 /* maximum (light, material) pairs with separate single scattering */
 
-/* A light whose single scattering patches send with the full phase function, >>cells. */
+/* Light whose single scattering is sent by patches with the full phase function, >>cells. */
 typedef struct spsi_cell_light {
     int index, places;    /* direction samples per segment */
     float weight;         /* fraction sent by patches; cells send the rest */
-    double at[3], brings; /* position, distant if directional; rough irradiance */
+    double at[3], brings; /* position (distant if directional); rough irradiance */
 } spsi_cell_light;
 
 /* Grid of discrete ordinates, >>cells. Arrays: x fastest, at least two rows, padded to vectors. */
@@ -3944,14 +3946,14 @@ typedef struct spsi_cell_grid {
     float *depth;                       /* optical depth per edge */
     float *moments;                     /* per channel and term, without ambient light */
     float *flown;   /* likewise, first flights alone; NULL: none, >>flights */
-    float *trapped; /* per channel: trapped emission, then the flights it replaces */
-    float *seen;    /* per material and channel: radiance to the eye per scattering depth */
+    float *trapped; /* per channel: trapped emission, then first flights it replaces */
+    float *seen;    /* per material and channel: radiance towards the eye per scattering depth */
     int flux_terms; /* degrees 0 to 2; 0: no polygons */
-    float *flux;    /* per channel and term: moments that light polygons */
+    float *flux;    /* per channel and term: moments for lighting polygons */
     float *patches; /* geometry, flux and harmonics, >>cells */
     float *thick;   /* per channel: mean depth per edge */
     float *scale;   /* per channel: mean extinction scale without peak */
-    float *pyramid; /* mip levels of depth: all, then per material; NULL: no flights */
+    float *pyramid; /* mip levels of depth: all media, then per material; NULL: no flights */
     size_t pyramid_rows; /* per pyramid */
 } spsi_cell_grid;
 
@@ -3965,7 +3967,7 @@ typedef struct spsi_emitter {
     float axis[3];
     float leaves[3]; /* fraction escaping its own medium, included in `sent` */
     float clear;      /* distance unattenuated by its own medium */
-    float own;        /* pyramid of its medium */
+    float own;        /* index of its medium's pyramid */
     float thick;      /* depth per radius if it attenuates itself, or 0 */
     float ahead;      /* offset where attenuation begins */
     float gas;        /* depth times area if `sent` includes scattering, or 0 */
@@ -3978,7 +3980,7 @@ typedef struct spsi_emitter {
 typedef struct spsi_flight_node {
     spsi_emitter sum;
     float reach; /* radius of the bounding sphere */
-    float breadth; /* diameter, times up to 4 if dense, 9 if curved */
+    float breadth; /* diameter, up to 4 times if dense, 9 if curved */
     float leaves[3]
                 [SPSI_FLIGHT_SEGMENTS]; /* fraction escaping the bounding sphere */
     int first, count;
@@ -4003,7 +4005,7 @@ typedef struct spsi_flights {
 #define SPSI_PYRAMID_REACHES 3    /* sampling distances from visible voxels */
 #define SPSI_LEVELS        12   /* coarser levels; each doubles voxel edges */
 
-/* Planes are layers of a column of bricks, apron included; vertical neighbours share them. The first is empty. */
+/* A plane is a brick's layer, apron included; vertical neighbours share planes. The first plane is zero. */
 typedef struct spsi_pyramid_brick {
     size_t planes[SPSI_BRICK + 5]; /* per layer, apron included: first float in `values` */
     int place, source;           /* grid index; source brick or -1 */
@@ -4016,7 +4018,7 @@ typedef struct spsi_pyramid_level {
     int first, end;       /* range of source bricks */
     double voxels;        /* relevant voxels */
     float most;           /* maximum value; 0: unknown */
-    double volume;        /* voxels in reach, upper bound */
+    double volume;        /* upper bound on voxels in reach */
     int *grid;            /* per brick: stored index; -1: none. NULL: no pyramid */
     int count;            /* stored bricks */
     spsi_pyramid_brick *stored;
@@ -4041,12 +4043,12 @@ typedef struct spsi_content {
     spsi_bounds bounds;            /* bounds of media */
     double beyond[3];              /* padding for coarser levels, >>sampler */
     spsi_bounds outer;             /* volume boxes and particles, >>shadows */
-    int parts[2], cut[2];          /* image parts per axis, 1 or 2; split pixel */
+    int parts[2], cut[2];          /* image parts per axis, 1 or 2; pixel at the split */
     spsi_bounds mesh_bounds;       /* bounds of polygons */
     const sps_particle *particles; /* non-empty, >>gather */
     int particle_count;            /* 0 until read */
     int set_ends[SPSI_SETS_MAX];   /* ends of sets in `particles` */
-    float flies[SPSI_MATERIALS_MAX]; /* per material: emission fraction that always flies */
+    float flies[SPSI_MATERIALS_MAX]; /* per material: emission fraction always sent by first flights */
     double particle_radius;        /* geometric mean */
     double particle_spread;        /* RMS distance from their mean */
     double particle_extinction;    /* mean of single or mixed particles, whichever is larger */
@@ -4056,7 +4058,7 @@ typedef struct spsi_content {
     const spsi_cell_grid *cells;   /* NULL: no discrete ordinates */
     int cell_grid_count;
     const spsi_flights *flights; /* NULL: nothing emits, or sweeps carry all */
-    spsi_rays eye; /* depths from the middle of the content */
+    spsi_rays eye; /* depth reference: middle of the content */
 } spsi_content;
 
 /* Constant once built, except that >>shadows changes lights. */
@@ -4158,7 +4160,7 @@ SPSI_COLD sps_result spsi_check_placement(const spsi_subject *at, const sps_plac
     spsi_check_list(at, "placement.axis[0]", placement->axis[0], 3);
     spsi_check_list(at, "placement.axis[1]", placement->axis[1], 3);
     spsi_check_list(at, "placement.axis[2]", placement->axis[2], 3);
-    for (int i = 0; i < 3; ++i) room *= spsi_length(placement->axis[i]); /* round-off of flat axes */
+    for (int i = 0; i < 3; ++i) room *= spsi_length(placement->axis[i]); /* round-off of coplanar axes */
     if (!(fabs(determinant) > room) || !(fabs(determinant) <= DBL_MAX))
         spsi_wrong(at, "placement's determinant", determinant, "its axes must not lie in a plane");
     return at->context->result;
@@ -4686,7 +4688,7 @@ SPSI_COLD void spsi_medium_build(const sps_volume *volume, int index, spsi_latti
         medium->given.concurrent = 1;
 }
 
-/* margin: voxels. */
+/* margin in voxels. */
 static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bounds *bounds) {
     SPSI_ROLLED for (int corner = 0; corner < 8; ++corner) {
         double at[3], point[3];
@@ -4813,7 +4815,7 @@ SPSI_COLD void spsi_projection_build(const sps_light *light, const double direct
     memcpy(projection->forward, direction, sizeof projection->forward);
     spsi_axes_across(direction, projector->up, projection->across[0], projection->across[1]);
     for (int i = 0; i < 3; ++i) projection->across[0][i] *= across, projection->across[1][i] *= down;
-    projection->add[0] = -projector->left * across - 0.5; /* texel centres are integers */
+    projection->add[0] = -projector->left * across - 0.5; /* texel centres at integers */
     projection->add[1] = projector->top * down - 0.5;
     projection->edge[0] = 1 / across;
     projection->edge[1] = 1 / down;
@@ -4838,7 +4840,7 @@ static void spsi_projection_move(const spsi_light *centre, spsi_light *point) {
     }
 }
 
-/* Point light at (x, y) on an area light. Directional discs are uniform in solid angle: 1 - cos grows with the squared
+/* Light at point (x, y) of an area light. Directional discs are uniform in solid angle: 1 - cos grows with the squared
    radius. */
 SPSI_COLD void spsi_light_place(const spsi_light *light, double x, double y, spsi_light *point) {
     const spsi_light_extent *extent = &light->extent;
@@ -5024,10 +5026,10 @@ SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *sc
 }
 
 /* =============================================================================================== >>gather
-   10 Relevant voxels. Volumes are read in blocks; relevant voxels go into bricks of 8^3, 6 bytes each, in segments
+   10 Relevant voxels. Volumes are read in blocks; relevant voxels go into bricks of 8^3, 6 bytes per voxel, in segments
    that never move. Unclassified voxels are relevant if not 0. Classified ones are relevant within two voxels of one
-   whose 3^3 neighbourhood reaches a value with extinction. Two voxels cover 99.6 % of a kernel's weight. Cost:
-   linear in voxels read. */
+   whose 3^3 neighbourhood reaches a value with extinction. Two voxels cover 99.6 % of a kernel's weight. Cost: linear
+   in voxels read. */
 
 #define SPSI_SEGMENT 16384 /* voxels; no brick spans two segments */
 #define SPSI_PADDING 16    /* entries after the last voxel, for vector loads */
@@ -5042,7 +5044,7 @@ typedef struct spsi_brick {
     int lattice, base[3];          /* first voxel */
     unsigned char low[3], high[3]; /* range of its voxels' coordinates */
     unsigned char layers[9];       /* per third in x and y (3, 3 and 2 voxels): mask of layers with voxels */
-    int segment, first, count;     /* segment; first voxel and count */
+    int segment, first, count;     /* segment; first voxel; voxel count */
     float most;                    /* maximum value */
 } spsi_brick;
 
@@ -5052,11 +5054,11 @@ typedef struct spsi_block {
     int low[3], size[3];           /* core plus margin, clipped to the volume */
     int core_low[3], core_high[3]; /* voxels to gather */
     int empty;                     /* 1: range_fn reports nothing relevant */
-    int range_calls, calls;        /* number of range_fn calls; of other callbacks */
+    int range_calls, calls;        /* calls of range_fn; of read_fn or eval_fn */
     int voxels_read, replaced;     /* replaced: invalid values */
     sps_result result;             /* SPS_ERROR_CALLBACK, or SPS_ERROR_DATA */
     const char *field;             /* callback, or "value" */
-    double number;                 /* its result, or the invalid value */
+    double number;                 /* the callback's result, or the invalid value */
     int voxel[3];                  /* location of the invalid value */
 } spsi_block;
 
@@ -5104,7 +5106,7 @@ static size_t spsi_block_index(const spsi_block *block, int x, int y, int z) {
     return (size_t)(x - block->low[0]) + (size_t)block->size[0] * spsi_block_row(block, y, z);
 }
 
-/* Stores a callback's result, as workers cannot report errors. Returns 1 on failure. */
+/* Stores a callback's failure, as workers cannot report errors. Returns 1 on failure. */
 static int spsi_block_called(spsi_block *block, const char *callback, int returned) {
     if (returned) block->result = SPS_ERROR_CALLBACK, block->field = callback, block->number = returned;
     return returned != 0;
@@ -5157,7 +5159,7 @@ static void spsi_block_read(spsi_voxels *voxels, int asks) {
     if (block->result == SPS_OK) block->voxels_read = count;
 }
 
-/* Mask of lanes outside 0..1e18 or NaN. */
+/* Mask of lanes NaN or outside 0..1e18. */
 static inline int spsi_invalid_bits(spsi_v value) {
     const int numbers = spsi_bits(spsi_less(value, spsi_set(SPSI_INFINITY)));
     const int low = spsi_bits(spsi_less(value, spsi_set(0)));
@@ -5165,7 +5167,7 @@ static inline int spsi_invalid_bits(spsi_v value) {
     return low | high | (numbers ^ SPSI_ALL_LANES);
 }
 
-/* Sets invalid values to 0, or stops at the first. */
+/* Sets invalid values to 0, or fails at the first. */
 static void spsi_block_validate(spsi_voxels *voxels, int replace) {
     spsi_block *block = &voxels->block;
     float *value = voxels->values;
@@ -5246,7 +5248,7 @@ static spsi_voxels *spsi_reader_values(const spsi_reader *reader, int index) {
     return voxels->block.voxels_read > 0 && voxels->block.result == SPS_OK ? voxels : NULL;
 }
 
-/* Reads blocks whose callbacks are not concurrent, up to the first failure. */
+/* Reads a non-concurrent volume's blocks, up to the first failure. */
 SPSI_COLD sps_result spsi_reader_read(sps_context *context, spsi_reader *reader, int64_t first) {
     for (int i = 0; i < reader->count; ++i) {
         const double done = (double)(first + i) / (double)reader->block_count;
@@ -5258,8 +5260,8 @@ SPSI_COLD sps_result spsi_reader_read(sps_context *context, spsi_reader *reader,
     return SPS_OK;
 }
 
-/* Reads blocks from `first` on and runs a task on each, which must call spsi_reader_values. Errors and statistics end
-   at the first failed block, for any number of workers. */
+/* Reads blocks from `first` on and runs a task on each, which must call spsi_reader_values. Errors and statistics stop
+   at the first failed block, whatever the number of workers. */
 SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader, int64_t first, sps_task_fn task,
                                       void *data) {
     const int64_t left = reader->block_count - first;
@@ -5277,7 +5279,7 @@ SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader,
 
 /* --- relevant voxels of a block --- */
 
-/* Marks non-zero voxels as relevant, and potentially visible ones as shown. Returns 1 if any matter. */
+/* Marks non-zero voxels as relevant, and potentially visible ones as shown. Returns 0 if nothing needs storing. */
 static int spsi_block_mark(spsi_voxels *voxels) {
     const spsi_material *material = voxels->block.material;
     const int width = voxels->block.size[0], rows = voxels->block.size[1] * voxels->block.size[2];
@@ -5308,8 +5310,8 @@ static void spsi_rows_spread(uint64_t *rows, int count, int step) {
         for (int k = 0; k <= 2 * SPSI_MARGIN; ++k) rows[i * step] |= line[i + k];
 }
 
-/* Keeps voxels within three of a visible value. One, because sums pass visible values while falling to 0; two more for
-   kernels that contribute there. */
+/* Keeps voxels within three of a visible one: one as kernel sums pass visible values while falling to 0, two for
+   kernels contributing there. */
 static void spsi_block_spread(spsi_voxels *voxels) {
     const int height = voxels->block.size[1], depth = voxels->block.size[2];
     SPSI_ROLLED for (int row = 0; row < height * depth; ++row) {
@@ -5433,7 +5435,7 @@ static void spsi_brick_bound(spsi_brick *brick, const uint64_t steps[3]) {
     }
 }
 
-/* Copies voxels, and zeroes a segment's padding. */
+/* Copies a brick; zeroes its segment's padding. */
 static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, spsi_brick *brick) {
     uint64_t steps[3] = {0, 0, 0};
     int at = brick->first;
@@ -5487,7 +5489,7 @@ SPSI_COLD sps_result spsi_gather_medium(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Hash of all that stored voxels depend on; 0 without a revision. */
+/* Hash of the stored voxels' inputs; 0 if a revision is missing. */
 static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->given.replace_invalid, sizeof(int));
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -5568,7 +5570,7 @@ SPSI_COLD sps_result spsi_gather(sps_context *context, const spsi_frame *frame) 
 
 #define SPSI_PARTICLE_BATCH 4096 /* per read_fn call */
 
-/* Invalid field of a particle, with rule and value; NULL if valid. */
+/* Returns a particle's invalid field, its rule and value; NULL if valid. */
 SPSI_COLD const char *spsi_particle_wrong(const sps_particle *particle, const char **rule, double *value) {
     for (int i = 0; i < 3; ++i) {
         *value = (double)particle->position[i];
@@ -5642,7 +5644,7 @@ SPSI_COLD void spsi_particle_bounds(const sps_particle *particle, spsi_bounds *b
 }
 
 /* Mean extinction of single particles, weighted by coverage, or of all mixed over their spread, whichever is larger. A
-   cube of edge a has a spread of a / 2. Soft particles count slightly thinner. At most 8192 are sampled. */
+   cube of edge a has a spread of a / 2. Soft particles count as thinner. At most 8192 are sampled. */
 static double spsi_measure_extinction(const spsi_frame *frame) {
     const spsi_content *content = frame->content;
     const int step = 1 + content->particle_count / 8192;
@@ -5663,7 +5665,7 @@ static double spsi_measure_extinction(const spsi_frame *frame) {
     return covered > 0 && volume > 0 ? spsi_dmax(mass / volume, sum / covered) : 0;
 }
 
-/* Measures bounds, and means that stray particles hardly change. */
+/* Measures bounds, and means that outliers hardly affect. */
 SPSI_COLD void spsi_measure_particles(const spsi_frame *frame) {
     double logs = 0, sum[3] = {0, 0, 0}, squares = 0, origin[3];
     if (frame->content->particle_count == 0) return;
@@ -5724,7 +5726,7 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
 
 #define SPSI_BOUND_NONE 1e6 /* bound if nothing limits it, relative to single scattering */
 
-/* True if media may scatter light repeatedly, or light or shadow polygons. */
+/* True if media may scatter light repeatedly, illuminate polygons, or shadow them. */
 static int spsi_light_meets_gas(const spsi_frame *frame) {
     const int own = frame->matter.emits || frame->has_ambient, polygons = frame->meshes.triangle_count > 0;
     const int lit = own || frame->lights.shadow_count > 0 || (frame->lights.count > 0 && polygons);
@@ -5741,7 +5743,7 @@ typedef struct spsi_bound_grid {
 } spsi_bound_grid;
 
 #define SPSI_BOUND_SIDE  32  /* cells per axis */
-#define SPSI_BOUND_FEW   256 /* up to this many particles may touch any number of cells */
+#define SPSI_BOUND_FEW   256 /* up to this many particles, each may touch all cells */
 #define SPSI_BOUND_MOST  512 /* cells per particle otherwise; larger ones count everywhere */
 #define SPSI_BOUND_CELLS (SPSI_BOUND_SIDE * SPSI_BOUND_SIDE * SPSI_BOUND_SIDE)
 #define SPSI_BOUND_BYTES (2 * SPSI_BOUND_CELLS * sizeof(float))
@@ -5766,7 +5768,7 @@ SPSI_COLD void spsi_bound_raise(const spsi_bound_grid *grid, const spsi_bounds *
             }
 }
 
-/* Maximum extinction up to the brick's maximum value, which kernel sums do not exceed. */
+/* Maximum extinction for values up to the brick's maximum, which kernel sums do not exceed. */
 SPSI_COLD float spsi_brick_extinction(const spsi_material *material, const spsi_brick *brick) {
     float extinction = 0;
     if (!material->table) return brick->most * material->extinction;
@@ -5775,8 +5777,8 @@ SPSI_COLD float spsi_brick_extinction(const spsi_material *material, const spsi_
     return extinction;
 }
 
-/* Adds a particle's maximum density in each cell, limited by its total depth. Returns 0 if it touches over `touched`
-   cells. */
+/* Adds a particle's maximum density in each cell, at most its depth per cell edge. Returns 0 if it covers more than
+   `touched` cells. */
 SPSI_COLD int spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_particle *particle,
                                       const spsi_particle_set *set, int touched) {
     const double radius = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2;
@@ -5837,7 +5839,7 @@ SPSI_COLD void spsi_bound_add_volumes(const sps_context *context, const spsi_fra
     }
 }
 
-/* Returns the total depth of particles too large for the grid. */
+/* Returns the summed depth of particles too large for the grid. */
 SPSI_COLD double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bound_grid *grid) {
     const int most = frame->content->particle_count <= SPSI_BOUND_FEW ? SPSI_BOUND_CELLS : SPSI_BOUND_MOST;
     double large = 0;
@@ -5863,7 +5865,7 @@ SPSI_COLD double spsi_densest_path(sps_context *context, const spsi_frame *frame
     return spsi_bound_depth(&grid) + large;
 }
 
-/* Maximum albedo; 1 with ambient light, which media shadow. */
+/* Maximum albedo; 1 with ambient light, as media shadow it. */
 SPSI_COLD double spsi_largest_albedo(const spsi_frame *frame) {
     float most = frame->has_ambient ? 1 : 0;
     for (int m = 0; m < frame->matter.material_count; ++m) {
@@ -5877,7 +5879,7 @@ SPSI_COLD double spsi_largest_albedo(const spsi_frame *frame) {
     return spsi_dmin((double)most, 1);
 }
 
-/* True if polygons and media light each other, which has no bound. */
+/* True if polygons and media light each other, without bound. */
 SPSI_COLD int spsi_polygons_scatter(const spsi_frame *frame) {
     return frame->meshes.triangle_count > 0 && (frame->matter.scatters || frame->matter.emits);
 }
@@ -5903,8 +5905,8 @@ SPSI_COLD sps_result spsi_decide_scattering(sps_context *context, spsi_frame *fr
 /* ================================================================================================ >>trees
    11 Bounding volume hierarchies of triangles and of the reference's particles. Built top-down by the surface area
    heuristic, 16 bins along the axis of widest centre spread [Wald 2007]. Even a ground a million times wider than its
-   objects is separated at once. Boxes are floats about a centre, rounded outwards, and rays are padded for round-off,
-   so no box is missed; exact tests follow. Cost: items times levels, 0.3 us per item for a million; 36 bytes per item,
+   objects is separated at once. Boxes are floats relative to a centre, rounded outwards; rays are padded for round-off.
+   So no box is missed; exact tests follow. Cost: items times levels; 0.3 us per item for a million; 36 bytes per item,
    28 more while building. */
 
 #define SPSI_TREE_LEAF  4 /* maximum items; the minimum is 2 unless the tree has 1 */
@@ -6045,7 +6047,7 @@ static int spsi_tree_part(spsi_tree_item *items, int first, int end, const spsi_
 }
 
 /* Makes a leaf, or splits and returns 1. Each side gets at least two items, so cuts are two apart. Hence a cut's
-   position alone decides where its nodes are stored, whichever task builds them. */
+   position alone decides where its children are stored, whichever task builds them. */
 static int spsi_tree_split(spsi_tree *tree, spsi_tree_item *items, const spsi_tree_task *task,
                            spsi_tree_task next[2]) {
     spsi_tree_node *node = &tree->nodes[task->node], *children;
@@ -6088,7 +6090,7 @@ static void spsi_tree_task_run(void *data, int index) {
     }
 }
 
-/* Nodes to reserve. */
+/* Maximum node count. */
 static size_t spsi_tree_nodes(size_t count) { return count + 2; }
 
 /* Returns items to fill; NULL on failure. */
@@ -6193,18 +6195,18 @@ static int spsi_walk_on(spsi_walk *walk, const spsi_ray *ray) {
 }
 
 /* ============================================================================================= >>polygons
-   12 Rasterisation by homogeneous edge functions [Olano & Greer 1997]. For corners h0, h1, h2 in ray space, a ray hits
-   if all (h1 x h2) . (x, y, 1) have one sign. Nothing is clipped, not even behind the eye. Uncertain signs are
+   12 Rasterisation by homogeneous edge functions [Olano & Greer 1997]. For vertices h0, h1, h2 in ray space, a ray hits
+   if all (h1 x h2) . (x, y, 1) have equal signs. Nothing is clipped, not even behind the eye. Uncertain signs are
    evaluated exactly as a difference of two products, with the ray moved to (0, 0). Ties are broken by moving the ray by
    an infinitesimal (e, e^2). Signs depend on ray and edge alone, and flip with the edge's direction. So adjacent
-   triangles leave no gaps or overlaps, even at edges and corners. Cost: triangles times tile rows to cull, three edge
-   functions per pixel of a box. Rows are narrowed first; vectors inside are tested at their ends. */
+   triangles leave no gaps or overlaps, even at edges and vertices. Cost: triangles times tile rows to cull, three edge
+   functions per pixel of a box. Spans are narrowed first; vectors inside are tested at their ends. */
 
 typedef struct spsi_face {
     double position[3][3]; /* world space */
     float normal[3][3], color[3][3];
     float transmittance[3]; /* all 0: opaque */
-    float rounding;         /* maximum error of corners, floats in meshes */
+    float rounding;         /* maximum rounding error of float vertices */
 } spsi_face;
 
 /* Grey optical depth, for transmittance maps. */
@@ -6226,13 +6228,13 @@ static int spsi_face_is_translucent(const spsi_face *face) { return !spsi_black(
 typedef struct spsi_hit {
     float depth; /* t - depth_reference; infinity: miss */
     int face;
-    float weights[2]; /* barycentric, corners 1 and 2 */
+    float weights[2]; /* barycentric, vertices 1 and 2 */
 } spsi_hit;
 
 /* Input to shade_fn. */
 typedef struct spsi_face_texture {
     float uv[3][2];
-    uint32_t number; /* index in its mesh; the list omits degenerate ones */
+    uint32_t number; /* index in its mesh; the list omits degenerate triangles */
 } spsi_face_texture;
 
 typedef struct spsi_mesh_faces {
@@ -6275,14 +6277,14 @@ static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *
     return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, field, value, rules[wrong]);
 }
 
-/* Equal corners get identical bits. */
+/* Equal vertices map to identical bits. */
 static void spsi_to_world(const sps_placement *placement, const float local[3], double world[3]) {
     memcpy(world, placement->origin, sizeof placement->origin);
     for (int i = 0; i < 9; ++i)
         world[i % 3] = spsi_multiply_add(placement->axis[i / 3][i % 3], (double)local[i / 3], world[i % 3]);
 }
 
-/* Corner normals, or the facet's. Cofactors keep them perpendicular under affine maps. */
+/* Vertex normals, or the facet's. Cofactors keep them perpendicular under affine maps. */
 static void spsi_face_normals(const spsi_mesh *mesh, const sps_triangle *triangle, const double own[3],
                               spsi_face *face) {
     const sps_placement *placement = &mesh->given.placement;
@@ -6303,7 +6305,7 @@ static inline float spsi_hit_depth(const spsi_hit *hits, int width, int height, 
     return hits ? hits[(size_t)row * (size_t)width + (size_t)column].depth : SPSI_INFINITY;
 }
 
-/* A vector's depths; infinity without hits. */
+/* A vector's depths; infinity without `hits`. */
 static inline spsi_v spsi_hit_depths(const spsi_hit *hits, int width, int height, int x, int y) {
     float depth[SPSI_LANES];
     if (!hits) return spsi_set(SPSI_INFINITY);
@@ -6369,7 +6371,7 @@ SPSI_COLD sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *fr
     return SPS_OK;
 }
 
-/* Hash of all that faces depend on; 0 without a revision. */
+/* Hash of the faces' inputs; 0 if a revision is missing. */
 static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = SPSI_FINGERPRINT_START;
     for (int i = 0; i < frame->meshes.count; ++i) {
@@ -6457,7 +6459,7 @@ typedef struct spsi_edges {
     int side;            /* sign before flipping; 0: unknown */
 } spsi_edges;
 
-/* Corners are (x t, y t, t), or (x, y, 1) if orthographic. Shared corners are bit-identical. */
+/* Vertices are (x t, y t, t), or (x, y, 1) if orthographic. Shared ones are bit-identical. */
 static void spsi_face_corners(const spsi_faces *faces, int index, const spsi_rays *rays, spsi_edges *e) {
     for (int i = 0; i < 3; ++i) {
         double offset[3];
@@ -6471,8 +6473,8 @@ static void spsi_face_corners(const spsi_faces *faces, int index, const spsi_ray
     }
 }
 
-/* Errors of edge values are at most 5 u times the sum of magnitudes, plus 4 u for moved corners. 32 u are allowed; u =
-   2^-53. The determinant is the sum of corner t times edge value, for any ray. */
+/* Errors of edge values are at most 5 u times the sum of magnitudes, plus 4 u for moved vertices. 32 u are allowed; u =
+   2^-53. For any ray, the determinant is the sum of vertex t times edge value. */
 static void spsi_face_edges(const spsi_faces *faces, int index, const spsi_rays *rays, spsi_edges *e) {
     double determinant = 0, rounding = 0, most[3][2];
     spsi_face_corners(faces, index, rays, e);
@@ -6531,7 +6533,7 @@ static int spsi_edge_sign(const double from[3], const double to[3], double x, do
     return sign;
 }
 
-/* True if all edge functions have one sign: `side` unless 0. */
+/* True if all edge functions have equal signs: `side` unless 0. */
 static int spsi_face_hit_exactly(const double corner[3][3], int side, double x, double y) {
     for (int i = 0; i < 3; ++i) {
         const int sign = spsi_edge_sign(corner[i], corner[(i + 1) % 3], x, y);
@@ -6553,14 +6555,14 @@ static inline int spsi_face_hit(const spsi_edges *e, double x, double y, double 
         sum += weights[i];
     }
     if (!certain && !spsi_face_hit_exactly(e->corner, e->side, x, y)) return 0;
-    if (!(sum > 0)) weights[0] = weights[1] = weights[2] = 1, sum = 3; /* ray in plane: any point serves */
+    if (!(sum > 0)) weights[0] = weights[1] = weights[2] = 1, sum = 3; /* ray in plane: any point will do */
     for (int i = 0; i < 3; ++i) weights[i] /= sum;
     return 1;
 }
 
-/* Narrows x0 .. x1 to row y's span, within a pixel at each end. */
+/* Narrows x0 .. x1 to row y's span, to within a pixel at each end. */
 static void spsi_face_span(const spsi_edges *e, int y, int *x0, int *x1) {
-    for (int i = 0; i < 3 && *x1 - *x0 > 8; ++i) { /* testing fewer beats dividing */
+    for (int i = 0; i < 3 && *x1 - *x0 > 8; ++i) { /* testing few pixels beats dividing */
         const double slope = e->edge[i][0], value = e->edge[i][1] * y + e->edge[i][2] + e->rounding[i];
         if (slope > 0) *x0 = (int)spsi_dmin(spsi_dmax(*x0, -value / slope - 1), *x1 + 1);
         if (slope < 0) *x1 = (int)spsi_dmax(spsi_dmin(*x1, -value / slope + 1), *x0 - 1);
@@ -6575,7 +6577,7 @@ typedef struct spsi_raster {
     float *depths;  /* light: nearest depth; NULL for the eye */
     int *numbers;   /* light: face; -1: none */
     int pitch;      /* row pitch in pixels */
-    int first_row;  /* first row of these arrays */
+    int first_row;  /* row where these arrays begin */
 } spsi_raster;
 
 static void spsi_raster_box_task(void *data, int i) {
@@ -6583,7 +6585,7 @@ static void spsi_raster_box_task(void *data, int i) {
     spsi_face_box(raster->faces, i, raster->rays, raster->boxes + 4 * i);
 }
 
-/* Returns 0 on a miss or nearer than near_depth. */
+/* Returns 0 on a miss or in front of near_depth. */
 static inline int spsi_face_depth(const spsi_edges *e, const spsi_rays *rays, int x, int y, double w[3], double *t) {
     if (!spsi_face_hit(e, x, y, w)) return 0;
     *t = w[0] * e->depth[0] + w[1] * e->depth[1] + w[2] * e->depth[2];
@@ -6601,7 +6603,7 @@ static inline void spsi_raster_store(const spsi_raster *raster, size_t at, int f
     }
 }
 
-/* True if a vector hits entirely: edge functions are linear. */
+/* True if a vector's pixels all hit; its ends decide. */
 static inline int spsi_face_holds(const spsi_edges *e, int x, int y) {
     int held = 1;
     for (int i = 0; i < 3; ++i) {
@@ -6634,7 +6636,7 @@ static inline void spsi_raster_vector(const spsi_raster *raster, const spsi_edge
             spsi_raster_store(raster, at + (size_t)n, face, depth[n], weights[0][n], weights[1][n]);
 }
 
-/* Opaque faces only. */
+/* Skips translucent faces. */
 static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1) {
     const int *box = raster->boxes + 4 * face;
     spsi_edges e;
@@ -6705,7 +6707,7 @@ typedef struct spsi_surface {
     double pixel;     /* world size */
 } spsi_surface;
 
-/* Intersects the face's plane: float depth could put points behind it, which shows in grazing light. If the ray grazes,
+/* Intersects the face's plane: points at float depth could lie behind it, visibly in grazing light. If the ray grazes,
    projects the rasterised point. */
 static void spsi_surface_place(const spsi_face *face, const double plane[3], const double ray[3],
                                const double rasterised[3], double point[3]) {
@@ -6793,7 +6795,7 @@ static void spsi_surface_at(const spsi_rays *eye, const spsi_faces *faces, const
     spsi_surface_face(face, hit, plane, ray, surface);
 }
 
-/* Exact if corners have equal colors. */
+/* Exact if vertices have equal colors. */
 static void spsi_face_color(const spsi_face *face, const spsi_hit *hit, double color[3]) {
     for (int c = 0; c < 3; ++c) {
         const double first = (double)face->color[0][c];
@@ -6807,8 +6809,8 @@ static int spsi_mesh_of(const spsi_frame *frame, const spsi_faces *faces, int fa
 }
 
 /* ============================================================================================== >>layers
-   13 Layers: translucent polygons, and both sides of antialiased edges. Fragments have coverage masks [Carpenter
-   1984]. Following samples front to back turns them into layers.
+   13 Layers: translucent polygons, and both sides of antialiased edges. Fragments have coverage masks [Carpenter 1984].
+   Compositing each sample's fragments front to back gives layers.
        seen   = mean over samples of (mask) * (transmittance in front): weight of its radiance.
        behind = mean over samples of (transmittance behind): weight of all behind it.
    Shading composites media and layers by depth, not per sample: media lie wholly in front of or behind a layer. Cost:
@@ -6831,7 +6833,7 @@ typedef struct spsi_layer {
 } spsi_layer;
 
 typedef struct spsi_layers {
-    const uint32_t *first; /* starts per pixel; NULL: no layers */
+    const uint32_t *first; /* first layer per pixel; NULL: none */
     const spsi_layer *list;
     size_t count;
 } spsi_layers;
@@ -6841,7 +6843,7 @@ typedef struct spsi_layers {
 typedef struct spsi_layer_scratch {
     float *depths;   /* nearest opaque depth */
     int *numbers;    /* its face */
-    uint64_t *masks; /* per pixel: samples that see a face */
+    uint64_t *masks; /* per pixel: samples that a face covers */
     double *sums;
 } spsi_layer_scratch;
 
@@ -7008,7 +7010,7 @@ static int spsi_groups_of(const spsi_layers_job *job, const spsi_layer_scratch *
     return count;
 }
 
-/* True if a group fills the pixel and matches its centre: only the centre is shaded. */
+/* True if a group fills the pixel and matches its centre, so that shading the centre suffices. */
 static int spsi_group_is_all(const spsi_layers_job *job, const spsi_group *group, int x, int y) {
     const int n = job->samples;
     const spsi_hit *hit = &job->hits[(size_t)y * (size_t)job->rays->width + (size_t)x];
@@ -7043,8 +7045,8 @@ static int spsi_pixel_is_even(const spsi_layers_job *job, const spsi_layer_scrat
     return 1;
 }
 
-/* Adds nothing if the pixel shows one surface. When listing, its hit then only ends media: at the deepest fragment, or
-   infinity if a sample misses. */
+/* Adds fragments unless the pixel shows one surface. When listing, its hit then only marks where media end: the deepest
+   fragment, or infinity if a sample misses. */
 static void spsi_edge_fragments(const spsi_layers_job *job, const spsi_layer_scratch *scratch, int x, int y) {
     const int n = job->samples;
     spsi_hit *hit = &job->hits[(size_t)y * (size_t)job->rays->width + (size_t)x];
@@ -7103,8 +7105,8 @@ static void spsi_fragments_sort(spsi_fragment *list, uint32_t count) {
         }
 }
 
-/* Shades a layer at the centroid of its samples, where light is closest to its mean. If that misses the face, uses the
-   nearest sample. */
+/* Places a layer's shading point at its samples' centroid, where light is closest to its mean. If that misses the face,
+   uses the nearest sample. */
 static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fragment, uint32_t pixel,
                              spsi_layer *layer) {
     const int n = job->samples, x = (int)(pixel % (uint32_t)job->rays->width) * n;
@@ -7129,7 +7131,7 @@ static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fr
     layer->pixel = pixel;
 }
 
-#define SPSI_LAYERS_ORDERED 16 /* maximum fragments sorted per sample */
+#define SPSI_LAYERS_ORDERED 16 /* maximum fragments to sort per sample */
 
 /* A pixel's fragments with depths per sample. */
 typedef struct spsi_stack {
@@ -7138,7 +7140,7 @@ typedef struct spsi_stack {
     float depths[SPSI_LAYERS_ORDERED][SPSI_COVERAGE_MAX * SPSI_COVERAGE_MAX];
 } spsi_stack;
 
-/* Depth where a sample's ray meets the face's plane, clamped to the corners' depths. */
+/* Depth where a sample's ray meets the face's plane, clamped to the vertices' depths. */
 static float spsi_fragment_depth(const spsi_layers_job *job, const spsi_edges *e, const spsi_face *face, int x, int y) {
     double plane[3], ray[3], start[3], t;
     spsi_face_plane(face, plane);
@@ -7164,7 +7166,7 @@ static void spsi_stack_build(const spsi_layers_job *job, uint32_t pixel, spsi_st
     }
 }
 
-/* True if a precedes b. Opaque ones are last: nothing behind them is listed. */
+/* True if a precedes b. Opaque fragments come last: none behind them is listed. */
 static int spsi_stack_before(const spsi_stack *stack, int a, int b, int sample) {
     if (!stack->translucent[a] || !stack->translucent[b]) return stack->translucent[a] > stack->translucent[b];
     return stack->depths[a][sample] < stack->depths[b][sample];
@@ -7196,7 +7198,7 @@ static void spsi_layer_pass(const spsi_layers_job *job, const spsi_fragment *fra
     layer->hit.depth += layer->covered > 0 ? covered / layer->covered * (depth - layer->hit.depth) : 0;
 }
 
-/* Follows samples in their own order, or the pixel's if fragments are many. */
+/* Composites fragments in each sample's order, or in the pixel's if many. */
 static void spsi_layers_follow(const spsi_layers_job *job, const spsi_stack *stack, spsi_layer *layers) {
     SPSI_ROLLED for (int k = 0; k < job->samples * job->samples; ++k) {
         float through[3] = {1, 1, 1};
@@ -7257,7 +7259,7 @@ SPSI_COLD int spsi_has_layers(const spsi_frame *frame) {
     return frame->meshes.triangle_count > 0 && (frame->meshes.translucent || frame->view.coverage_samples > 1);
 }
 
-/* Recomputes faces' pixel boxes, which other passes may have overwritten. */
+/* Counts or lists fragments. Recomputes pixel boxes, which other passes overwrite. */
 static void spsi_fragments_pass(sps_context *context, spsi_layers_job *job, int listing) {
     const int bands = (job->rays->height + SPSI_LAYER_ROWS - 1) / SPSI_LAYER_ROWS;
     if (!listing) memset(job->first, 0, (spsi_ray_count(job->rays) + 2) * sizeof *job->first);
@@ -7273,7 +7275,7 @@ SPSI_COLD size_t spsi_fragments_count(sps_context *context, spsi_layers_job *job
     return sum <= UINT32_MAX ? (size_t)sum : SIZE_MAX;
 }
 
-/* With edge sampling, hits of mixed pixels only end media. */
+/* With edge sampling, hits of mixed pixels only mark where media end. */
 SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                        spsi_hit *hits, spsi_layers *layers) {
     const spsi_rays *eye = &frame->content->eye;
@@ -7306,9 +7308,9 @@ SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *f
 }
 
 /* ============================================================================================ >>surfaces
-   14 Visible surfaces and their shadow rays. Polygons shadow each other exactly: one ray per point and light through
-   a tree, without texels or bias. Translucent triangles filter rays by color. Media use depth maps, >>depthmaps.
-   Cost: tree height per ray. */
+   14 Visible surfaces and their shadow rays. Polygons shadow each other exactly, by one ray per point and light through
+   a tree, without texels or bias. Translucent triangles tint rays. Media use depth maps, >>depthmaps. Cost per ray:
+   tree height. */
 
 /* --- shade_fn --- */
 
@@ -7328,8 +7330,8 @@ typedef struct spsi_shading_point {
 typedef struct spsi_visible {
     const spsi_hit *hits; /* NULL: no polygons */
     spsi_layers layers;
-    const sps_surface *set; /* shade_fn's results: region, then layers; NULL: none */
-    const float *received;  /* irradiance of cells and flights, per pixel and channel; NULL: none */
+    const sps_surface *set; /* shade_fn's results: region's pixels, then layers; NULL: none */
+    const float *received;  /* irradiance from cells and flights, per pixel and channel; NULL: none */
 } spsi_visible;
 
 static void spsi_shading_point_of_pixel(const spsi_frame *frame, const spsi_visible *visible, int x, int y,
@@ -7385,7 +7387,7 @@ static void spsi_appearance_at(const spsi_faces *faces, const spsi_hit *hit, con
 
 #define SPSI_SURFACE_BATCH 4096 /* maximum points per call */
 
-/* Points of one mesh for its shade_fn, row by row; layers follow a pixel's hit. */
+/* Points of one mesh for its shade_fn, row by row; a pixel's layers follow its hit. */
 typedef struct spsi_surface_batch {
     const spsi_frame *frame;
     const spsi_faces *faces;
@@ -7414,7 +7416,7 @@ static double spsi_uv_mean(const spsi_face_texture *texture, const double w[3], 
     return w[0] * (double)texture->uv[0][i] + w[1] * (double)texture->uv[1][i] + w[2] * (double)texture->uv[2][i];
 }
 
-/* Screen-space derivative; axis: the eye's a for x, b for y. */
+/* Screen-space derivative of uv; axis: the eye's a for x, b for y. */
 static void spsi_uv_step(const spsi_rays *eye, const spsi_face *face, const spsi_face_texture *texture,
                          const spsi_shading_point *at, double depth, const double axis[3], float change[2]) {
     double ray[3], step[3], u[3], v[3], w[3];
@@ -7427,7 +7429,7 @@ static void spsi_uv_step(const spsi_rays *eye, const spsi_face *face, const spsi
     for (int i = 0; i < 2; ++i) change[i] = (float)spsi_dmax(-1e30, spsi_dmin(1e30, spsi_uv_mean(texture, w, i)));
 }
 
-/* Output defaults to the mesh's albedo. */
+/* `out` defaults to the mesh's albedo. */
 static void spsi_surface_point_task(void *data, int index) {
     spsi_surface_batch *batch = (spsi_surface_batch *)data;
     const spsi_rays *eye = &batch->frame->content->eye;
@@ -7482,12 +7484,11 @@ SPSI_COLD sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface
     return spsi_progress(context, 0);
 }
 
-/* Range of a pixel's layers. */
 static void spsi_pixel_layers(const spsi_visible *visible, size_t pixel, size_t range[2]) {
     for (size_t i = 0; i < 2; ++i) range[i] = visible->layers.first ? visible->layers.first[pixel + i] : 0;
 }
 
-/* Finds the rows each mesh covers, so that meshes do not each scan the image. */
+/* Finds the rows each mesh covers, so that no mesh scans the whole image. */
 static void spsi_surface_rows(const spsi_surface_batch *batch) {
     spsi_mesh_faces *meshes = batch->faces->meshes;
     const spsi_visible *visible = batch->visible;
@@ -7563,10 +7564,10 @@ SPSI_COLD sps_result spsi_textures(sps_context *context, const spsi_frame *frame
 
 typedef struct spsi_packet {
     double origin[3][SPSI_PACKET], toward[3][SPSI_PACKET];
-    double reach;         /* light's ray parameter; infinity if directional */
+    double reach;         /* ray parameter at the light; infinity if directional */
     double rounding;      /* round-off of world coordinates */
-    int on_faces;         /* 0: rays from media need no margin */
-    int own[SPSI_PACKET]; /* face a ray starts on, ignored; -1: none */
+    int on_faces;         /* 0: rays start in media, without margin */
+    int own[SPSI_PACKET]; /* face a ray starts on and ignores; -1: none */
     int count;            /* vectors in use */
     int open;             /* mask: unoccluded rays */
     int filtered;         /* mask: filtered rays */
@@ -7584,7 +7585,7 @@ static void spsi_packet_begin(const spsi_faces *faces, int is_direction, int on_
     packet->rounding = 16 * DBL_EPSILON * faces->extent;
 }
 
-/* `room` covers rounding of origins and box differences. Reciprocals stay finite: no box is 1e30 widths away. */
+/* `room` covers rounding of origins and box differences. Clamped reciprocals stay finite: no box is 1e30 widths off. */
 static void spsi_packet_add(const spsi_tree *tree, int at, int own, const double origin[3], const double toward[3],
                             spsi_packet *packet) {
     double offset[3], room = 0;
@@ -7623,15 +7624,16 @@ static inline int spsi_packet_meets(const spsi_packet *packet, const spsi_tree_n
     return bits & packet->open;
 }
 
-/* d . (a x b): the sign tells which side of edge ab a ray from 0 along d passes. */
+/* d . (a x b): its sign tells the side of edge ab that a ray from 0 along d passes. */
 static inline double spsi_edge_side(const double a[3], const double b[3], const double d[3]) {
     return d[0] * (a[1] * b[2] - a[2] * b[1]) + d[1] * (a[2] * b[0] - a[0] * b[2]) + d[2] * (a[0] * b[1] - a[1] * b[0]);
 }
 
 static inline double spsi_reach_of(const double a[3]) { return fabs(a[0]) + fabs(a[1]) + fabs(a[2]); }
 
-/* True if d passes between corners, relative to the ray's origin. Uncertain signs count as inside: no ray slips between
-   faces, even with FMA contraction. Round-off is below 8 * 2^-53 of the lengths' product, bounded by component sums. */
+/* True if d passes inside triangle abc, relative to the ray's origin. Uncertain signs count as inside: no ray slips
+   between faces, even with FMA contraction. Round-off is below 8 * 2^-53 of the lengths' product, bounded by component
+   sums. */
 static inline int spsi_edges_contain(const double a[3], const double b[3], const double c[3], const double d[3],
                                      double ab, double bc, double ac) {
     const double ra = spsi_reach_of(a), rb = spsi_reach_of(b), rc = spsi_reach_of(c), rab = ra > rb ? ra : rb;
@@ -7639,8 +7641,8 @@ static inline int spsi_edges_contain(const double a[3], const double b[3], const
     return ((ab >= -room) & (bc >= -room) & (ac <= room)) | ((ab <= room) & (bc <= room) & (ac >= -room));
 }
 
-/* Mask of rays that a face occludes. For rays from faces, it must be ahead by more than round-off of world and mesh. So
-   adjacent or coincident faces do not self-shadow, without adjacency data. */
+/* Mask of rays that a face occludes. For rays from faces, the hit must be ahead by more than round-off of world and
+   mesh. Adjacent or coincident faces then do not self-shadow, without adjacency data. */
 static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int first) {
     const double *p = face->position[0], *q = face->position[1], *r = face->position[2];
     double n[3], room, stops[SPSI_LANES];
@@ -7665,7 +7667,7 @@ static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int
     return bits;
 }
 
-/* Exact: a ray through a shared edge or corner crosses exactly one face. Corners are projected along the ray,
+/* Watertight: a ray through a shared edge or vertex crosses exactly one face. Vertices are projected along the ray,
    bit-identically for all faces. */
 static int spsi_face_passes(const spsi_face *face, const double origin[3], const double toward[3]) {
     const int along = spsi_cube_face_of(toward) / 2;
@@ -7682,7 +7684,7 @@ static int spsi_face_passes(const spsi_face *face, const double origin[3], const
     return spsi_face_hit_exactly((const double(*)[3])corner, 0, 0, 0);
 }
 
-/* 32.32 fixed-point depth, at most 86: sums of 4e7 fit. */
+/* 32.32 fixed-point optical depth, at most 86: 4e7 can be summed. */
 static uint64_t spsi_filter_of(float transmittance) {
     const double depth = transmittance > 0 ? -log((double)transmittance) : (double)SPSI_DEPTH_MAX;
     return (uint64_t)(spsi_dmin(depth, 86) * 4294967296.0);
@@ -7701,7 +7703,6 @@ static void spsi_packet_filter(const spsi_face *face, int number, spsi_packet *p
     }
 }
 
-/* Transmittance per color. */
 static void spsi_packet_through(const spsi_packet *packet, int at, double through[3]) {
     for (int c = 0; c < 3; ++c) {
         const double depth = (double)packet->filter[c][at] / 4294967296.0;
@@ -7709,7 +7710,7 @@ static void spsi_packet_through(const spsi_packet *packet, int at, double throug
     }
 }
 
-/* Closes occluded rays; translucent faces filter them. */
+/* Closes occluded rays; translucent faces filter rays instead. */
 static void spsi_packet_meet_face(const spsi_faces *faces, int number, int bits, spsi_packet *packet) {
     if (spsi_face_is_translucent(&faces->list[number])) {
         spsi_packet_filter(&faces->list[number], number, packet);
@@ -7860,7 +7861,7 @@ static void spsi_ray_to_face(const spsi_faces *faces, int own, spsi_ray *ray, sp
     }
 }
 
-/* Likewise, skipping translucent faces. */
+/* Likewise, at the nearest opaque face. */
 static int spsi_ray_to_opaque(const spsi_faces *faces, spsi_ray *ray, spsi_hit *hit) {
     const double high = ray->high;
     for (;;) {
@@ -7904,7 +7905,7 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
 
 #define SPSI_PARTICLE_EDGE 0.7 /* voxel edge in radii, >>slicing */
 #define SPSI_GROUP_MOST    8   /* maximum slabs shaded at once */
-#define SPSI_GROUP_SLAB    2   /* sps_view.slab_thickness above which slabs stay ungrouped, and cheap */
+#define SPSI_GROUP_SLAB    2   /* sps_view.slab_thickness above which slabs stay ungrouped, for speed */
 #define SPSI_FINE_PIXELS   1.7 /* smallest texel for dense particles, in texel_pixels */
 #define SPSI_FINE_SLABS    40  /* maximum number of refined slabs, at slab_thickness 1 */
 #define SPSI_TEXELS_ALIKE  "cannot tell its texels apart so far from the world's origin"
@@ -7918,7 +7919,7 @@ static void spsi_light_direction(const spsi_light *light, const double point[3],
     spsi_normalise(direction);
 }
 
-/* Refinement for dense particles, where radiance changes within an optical depth of 1. Limited for clouds many
+/* Refinement factor for dense particles, where radiance changes within an optical depth of 1. Limited for clouds many
    particles deep. */
 static double spsi_particle_fineness(const spsi_frame *frame) {
     const spsi_content *content = frame->content;
@@ -7931,10 +7932,10 @@ static double spsi_particle_fineness(const spsi_frame *frame) {
     return finer < 1.4 ? 1 : finer;
 }
 
-/* Fits a light's rays to `bounds`, with a border of two texels. `texel`: desired world size, at the middle of the
-   bounds. `size`: texels on the longer side; 0: derived, up to `most`. Texels stay centred as a light turns and are
-   added in pairs, to avoid flicker. Returns 0 if no cone from a point light covers the bounds, or if spsi_rays_complete
-   fails. */
+/* Fits a light's rays to `bounds`, with a border of two texels. `texel`: desired world size at the middle of the
+   bounds. `size`: texels on the longer side; 0: derived from `texel`, up to `most`. To avoid flicker as a light turns,
+   texels stay centred and are added in pairs. Returns 0 if no cone from a point light covers the bounds, or if
+   spsi_rays_complete fails. */
 SPSI_COLD int spsi_rays_fit(const spsi_light *light, const spsi_bounds *bounds, double texel, int size, int most,
                          spsi_rays *rays) {
     double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
@@ -8002,7 +8003,7 @@ static int spsi_scatters_multiply(const spsi_frame *frame) {
     return spsi_uses_cells(frame) || spsi_scatters_forward(frame);
 }
 
-/* Optical depth that terminates light rays. */
+/* Optical depth that ends light rays. */
 SPSI_COLD float spsi_light_end(const spsi_frame *frame) {
     return spsi_scatters_forward(frame) ? SPSI_FORWARD_END : SPSI_LIGHT_END;
 }
@@ -8011,10 +8012,10 @@ SPSI_COLD int spsi_has_shadow_table(const spsi_light *light) {
     return light->has_map && light->map.technique == SPS_TMAP_TABLE;
 }
 
-#define SPSI_SHADOW_TABLE_TEXELS_MOST 256 /* on a side, by default */
+#define SPSI_SHADOW_TABLE_TEXELS_MOST 256 /* per side, by default */
 
 SPSI_COLD int spsi_map_texels_most(const spsi_frame *frame, const spsi_light *light) {
-    const double share = cbrt((double)spsi_imax(1, light->tables)); /* all tables divide the memory of one */
+    const double share = cbrt((double)spsi_imax(1, light->tables)); /* all tables together use the memory of one */
     return spsi_has_shadow_table(light) ? (int)(SPSI_SHADOW_TABLE_TEXELS_MOST / share) : spsi_light_texels_most(frame);
 }
 
@@ -8044,12 +8045,12 @@ SPSI_COLD double spsi_light_texel(const spsi_frame *frame, const spsi_light *lig
 }
 
 /* --- pixels wider than voxels ---
-   Shadows and slabs need not be finer than pixels resolve. A texel's filter has variance 1/8 to 1/2 square texels,
-   lookups add 1/6. Texels of 0.6 pixels blur by at most 1/4 square pixel, like the pixel filter; draft allows twice
-   that. Classified volumes cannot be filtered, so pixels get two texels per axis. Slab errors are second order in
-   thickness: half a pixel is enough, or one at draft; 0.3 if classified. */
+   Shadows and slabs need not be finer than pixels resolve. A texel's filter has variance 1/8 to 1/2 square texels;
+   lookups add 1/6. Texels of 0.6 pixels add at most 1/4 square pixel, like the pixel filter; draft allows twice that.
+   Classified volumes cannot be filtered, so pixels get two texels per axis. Slab errors are second order in thickness,
+   so half a pixel is enough (draft: 1; classified: 0.3). */
 
-/* Distance until eight points have left the image across one side, or infinity. Their rates are constant in ray
+/* Distance until all eight points have left the image across one side, or infinity. Rates are constant in ray
    coordinates (x t, y t, t). */
 SPSI_COLD double spsi_path_in_image(const spsi_rays *eye, double q[8][3], double rates[8][3]) {
     double end = HUGE_VAL;
@@ -8099,7 +8100,7 @@ SPSI_COLD const spsi_bounds *spsi_light_bounds(const spsi_frame *frame, const sp
     return light->map_bounds ? light->map_bounds : &frame->content->bounds;
 }
 
-/* One ray grid if a cone covers the medium, else six faces. Returns their number; 0: too far from the world's
+/* One ray grid if a cone covers the medium, else six faces. Returns the count; 0: too far from the world's
    origin. */
 SPSI_COLD int spsi_light_rays(const spsi_frame *frame, const spsi_light *light, spsi_rays rays[SPSI_CUBE_FACES]) {
     const spsi_bounds *bounds = spsi_light_bounds(frame, light);
@@ -8156,7 +8157,7 @@ static void spsi_toward_light(const spsi_light *light, const double point[3], do
 
 /* --- a light's texels --- */
 
-#define SPSI_GUARD_BAND 0.05 /* fraction of the depth range left free at either end: Fourier series are periodic */
+#define SPSI_GUARD_BAND 0.05 /* fraction of depth range left free at either end, since Fourier series are periodic */
 
 /* Up to six faces of rays. Depth u runs from 0 at near_depth to 1 at far_depth. */
 typedef struct spsi_light_grid {
@@ -8185,7 +8186,7 @@ SPSI_COLD void spsi_light_grid_set_range(double near_depth, double far_depth, sp
     for (int face = 0; face < grid->face_count; ++face) grid->rays[face].depth_reference = near_depth;
 }
 
-/* Fits texels and depth range to the medium the light shadows. */
+/* Fits texels and depth range to the map's bounds, or the medium's. */
 SPSI_COLD sps_result spsi_light_grid_aim(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                          spsi_light_grid *grid) {
     const int has_guard = light->map.technique == SPS_TMAP_FOURIER && !light->map.texel_range;
@@ -8199,7 +8200,7 @@ SPSI_COLD sps_result spsi_light_grid_aim(sps_context *context, const spsi_frame 
         low = spsi_dmin(low, t);
         high = spsi_dmax(high, t);
     }
-    /* distant media still need a range */
+    /* keeps the range of distant media above round-off */
     high = spsi_dmax(high, low + spsi_dmax(1e-12 * fabs(low), DBL_MIN / DBL_EPSILON));
     const double room = has_guard ? SPSI_GUARD_BAND * (high - low) : 0, first = low - room;
     spsi_light_grid_set_range(grid->rays[0].perspective ? spsi_dmax(first, 0) : first, high + room, grid);
@@ -8207,13 +8208,13 @@ SPSI_COLD sps_result spsi_light_grid_aim(sps_context *context, const spsi_frame 
 }
 
 /* =========================================================================================== >>projectors
-   16 Projected textures (cookies): read once per call, mipmapped, looked up along the light's rays. Mip levels are
-   interpolated linearly in pixel size. Cost: 4 floats per texel; a lookup gathers 12 texels, or 24 between levels. */
+   16 Projected textures (cookies), read once per call, mipmapped, and looked up along the light's rays. Mip levels are
+   interpolated linearly in pixel size. Cost: 4 floats per texel; a lookup gathers 12 floats, or 24 between levels. */
 
 #define SPSI_IMAGE_ROW_FLOATS 5 /* per texel of a row: uv and color */
 
-/* Lays out the mip levels (memory NULL: only counts). Each halves the axis of shorter texels, or both if about
-   square. */
+/* Lays out the mip levels (memory NULL: only counts). Each halves the axis of the shorter texel edge, or both if about
+   equal. */
 SPSI_COLD void spsi_image_lay_out(const spsi_projection *projection, float *memory, uint64_t *laid, spsi_image *image) {
     int size[2] = {projection->given.width, projection->given.height}, level = 0;
     double edge[2] = {projection->edge[0], projection->edge[1]}, shortest = spsi_dmin(edge[0], edge[1]);
@@ -8249,7 +8250,7 @@ static uint64_t spsi_images_lay_out(const spsi_frame *frame, float *memory) {
     return laid;
 }
 
-/* Fails on an invalid color, or makes it black. */
+/* Fails on an invalid color, or replaces it with black. */
 SPSI_COLD sps_result spsi_texel_validate(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                          float *rgb) {
     if (!frame->given.replace_invalid)
@@ -8296,7 +8297,7 @@ SPSI_COLD int spsi_halving(int fine, int coarse, int i, float shares[3]) {
     return first;
 }
 
-/* Box-filters one texel of a mip level. */
+/* Box-filters a mip texel. */
 static void spsi_image_halve_texel(const spsi_image *image, int level, int x, int y) {
     const size_t from_pitch = (size_t)image->width[level - 1], pitch = (size_t)image->width[level];
     const size_t from_plane = from_pitch * (size_t)image->height[level - 1];
@@ -8346,7 +8347,7 @@ static void spsi_image_lookup(const spsi_image *image, spsi_v x, spsi_v y, spsi_
         const float scale_x = (float)(width - 2) / (float)(image->width[0] - 2);
         const float scale_y = (float)(height - 2) / (float)(image->height[0] - 2);
         const float *edge = &image->edge[level];
-        /* linear in size between levels */
+        /* level weights, linear in size */
         spsi_v before = one, after = one, share, u, v;
         if (level > 0) before = spsi_mul(spsi_sub(size, spsi_set(edge[-1])), spsi_set(1 / (edge[0] - edge[-1])));
         if (level + 1 < image->level_count)
@@ -8393,20 +8394,20 @@ static void spsi_projection_at(const spsi_frame *frame, const spsi_light *light,
 }
 
 /* ============================================================================================ >>depthmaps
-   17 Depth maps of polygons between a light and the medium. Cost: rasterisation, and 12 bytes per texel; six faces
+   17 Depth maps of polygons that shadow the medium. Cost: rasterisation, and 12 bytes per texel; six faces
    have 1.5 times the texels of one. */
 
 #define SPSI_DEPTH_MAP_CELL 16   /* texels per side */
 #define SPSI_STEEP 1024 /* maximum slope of a plane, in texels per texel */
 
-/* Each texel has the plane of its nearest polygon, evaluated at the shaded point. Even slanted planes shade nothing in
-   front; texels show only at edges. */
+/* Each texel stores its nearest polygon's plane, evaluated at the shaded point. Even oblique polygons shade nothing in
+   front of them; texels show only at edges. */
 typedef struct spsi_depth_map {
     int face_count; /* 0: no polygon; 6: point light within the medium; else 1 */
     spsi_rays rays[SPSI_CUBE_FACES];
     float *depths[SPSI_CUBE_FACES];    /* at texel centres, t - depth_reference; infinity: no polygon */
     float *slopes[SPSI_CUBE_FACES][2]; /* change of depth per texel along x and y */
-    float *nearest[SPSI_CUBE_FACES];   /* minimum depth per cell with neighbours; then per cell */
+    float *nearest[SPSI_CUBE_FACES];   /* minimum depth per cell with neighbours, then per cell alone */
     int cells[SPSI_CUBE_FACES];        /* per row */
     /* map coordinates along the eye's rays, t relative to the map's depth reference */
     spsi_linear along[SPSI_CUBE_FACES][3];
@@ -8419,7 +8420,7 @@ SPSI_COLD int spsi_depth_map_size(const spsi_frame *frame) {
 
 static int spsi_depth_map_cells(int size) { return (size + SPSI_DEPTH_MAP_CELL - 1) / SPSI_DEPTH_MAP_CELL; }
 
-/* Maximum floats for one face of `size` texels, or six of half. */
+/* Maximum floats for one face of `size` texels per side, or six of half that. */
 SPSI_COLD size_t spsi_depth_map_floats_most(size_t size) {
     const size_t cells = size / SPSI_DEPTH_MAP_CELL + 2, texels = size * size / 2 * 3 + SPSI_CUBE_FACES * 64;
     return 3 * texels + 2 * SPSI_CUBE_FACES * cells * cells;
@@ -8497,7 +8498,7 @@ static float spsi_map_slope(double across, double facing, double t, double steep
     return (float)(slope >= -steepest && slope <= steepest ? slope : slope > 0 ? steepest : -steepest);
 }
 
-/* Slopes of a face's plane at a texel. Lowers its cell to the plane's minimum within a texel. */
+/* Slopes of a face's plane at a texel. Lowers the cell's minimum depth to the plane's within a texel. */
 static void spsi_map_plane_slopes(spsi_map_plane *plane, int number, int x, int y, float depth, float slope[2],
                                   float *cells) {
     double ray[3], facing, t = 1;
@@ -8544,7 +8545,7 @@ static void spsi_planes_task(void *data, int index) {
         spsi_planes_row(job, y, cells);
 }
 
-/* Minima over each cell and its neighbours, from single cells' minima, stored behind them. */
+/* Computes minima over cells and their neighbours from single cells' minima, stored behind them. */
 static void spsi_cells_spread(float *nearest, int columns, int rows) {
     const float *alone = nearest + (size_t)columns * (size_t)rows;
     SPSI_ROLLED for (int y = 0; y < rows; ++y)
@@ -8666,7 +8667,7 @@ static inline spsi_v spsi_depth_map_fraction(const spsi_depth_map *map, int face
     return spsi_select(way.inside, spsi_map_segment_mean(&way, share), spsi_set(1));
 }
 
-/* True if a face may shade any segment. One cell lookup saves most slabs evaluating four planes. Also true if ends are
+/* True if a face may shade any segment. One cell lookup spares most slabs four plane evaluations. Also true if ends are
    far from the middle's cell, or on both sides of the light. */
 static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2]) {
     const spsi_rays *rays = &map->rays[face];
@@ -8769,7 +8770,7 @@ static void spsi_translucent_transmittance(const spsi_translucency_map *map, int
     for (int c = 0; c < 3; ++c) through[c] = spsi_map_segment_mean(way, texels[c]);
 }
 
-/* Color transmittance of translucent polygons, on the face that contains a segment's middle. */
+/* Color transmittance of translucent polygons, from the map face that contains a segment's middle. */
 static void spsi_translucency_map_filter(const spsi_translucency_map *map, const spsi_faces *faces, spsi_v at, float y,
                                          const spsi_v d[2], spsi_v filter[3]) {
     const spsi_v middle = spsi_mul(spsi_set(0.5f), spsi_add(d[0], d[1]));
@@ -8795,12 +8796,12 @@ static void spsi_translucency_map_filter(const spsi_translucency_map *map, const
 }
 
 /* ================================================================================================ >>spheres
-   18 Particles as spheres. A ray of direction e meets a sphere of radius r about C in a chord. Its middle is t = C.e
-   / e.e, its half length sqrt(1 - d^2) r, with d r = |C x e| / |e|. Relative to the centre, floats suffice for these
+   18 Particles as spheres. A ray of direction e meets a sphere of radius r about C in a chord. Its middle is at t = C.e
+   / e.e. Its half length is sqrt(1 - d^2) r, with d r = |C x e| / |e|. Relative to the centre, floats suffice for these
    polynomials. Spheres near the rays' origin are intersected ray by ray. Cost: 15 operations per vector of pixels.
    */
 
-/* A sphere is near within SPSI_SPHERE_NEAR radii of the origin's plane, or below a cosine of SPSI_SPHERE_ASIDE to the
+/* A sphere is near within SPSI_SPHERE_NEAR radii of the origin's plane, or at a cosine below SPSI_SPHERE_ASIDE to the
    axis, where pixels stretch. */
 #define SPSI_SPHERE_NEAR  4.0
 #define SPSI_SPHERE_ASIDE 0.05
@@ -8810,7 +8811,7 @@ static void spsi_translucency_map_filter(const spsi_translucency_map *map, const
 #define SPSI_SPHERE_COARSE       4.0
 #define SPSI_SPHERE_COARSE_LIGHT 1.5
 
-/* (dx, dy): a pixel's offset from the centre; e: its ray; c: the centre's. Let p = tilt . (dx, dy) and
+/* (dx, dy): a pixel's offset from the centre; e: its ray; c: the centre's ray. Let p = tilt . (dx, dy) and
    q = bend[0] dx^2 + 2 bend[1] dx dy + bend[2] dy^2. In perspective, e.e / c.c = 1 + 2p + q. */
 typedef struct spsi_sphere {
     int x0, y0, x1, y1; /* pixel box, inclusive; x1 < x0: empty */
@@ -8853,12 +8854,12 @@ static double spsi_sphere_widen(double depth, int soft, double share) {
     return spsi_dmin(share * depth, c * wide / (half + sqrt(half * half + (a + b) * c * wide)));
 }
 
-/* World radius, raised to the pixels' minimum. `offset`: centre from the rays' origin. */
+/* World radius, raised to the minimum in pixels. `offset`: centre from the rays' origin. */
 static double spsi_sphere_radius(const spsi_rays *rays, const sps_particle *particle, const double offset[3]) {
     return spsi_dmax((double)particle->radius, SPSI_SPHERE_LEAST * rays->pixel * spsi_distance_to(rays, offset));
 }
 
-/* Below 1e-3, optical depth scales with inverse area, within 4e-4. */
+/* Optical depths below 1e-3 scale inversely with area, within 4e-4. */
 static void spsi_sphere_dilute(const spsi_particle_set *set, const sps_particle *particle, double radius,
                                spsi_sphere *sphere) {
     const double own = (double)particle->radius, share = own < radius ? (own / radius) * (own / radius) : 1;
@@ -8932,7 +8933,7 @@ static void spsi_sphere_near_range(const double across[3], const double along[3]
     if (a > 0 || !(x - b / a * t > 0)) *last = (int)spsi_dmax(spsi_dmin(floor(a > 0 ? high : low), size - 1), -1);
 }
 
-/* Returns the raised radius. */
+/* Returns the raised world radius. */
 static double spsi_sphere_build(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
                                 spsi_sphere *sphere) {
     double centre[3], offset[3], q[3], c[3], radius, ahead;
@@ -9027,7 +9028,7 @@ static inline void spsi_sphere_chord(const spsi_rays *rays, const spsi_sphere *s
     spsi_sphere_chord_far(rays, sphere, dx, dy, chord);
 }
 
-/* Optical depth; density is constant, or 1 - s^2 if soft. */
+/* A chord's optical depth; density is constant, or 1 - s^2 at s radii if soft. */
 static inline spsi_v spsi_chord_depth(const spsi_sphere *sphere, const spsi_chord *chord) {
     const spsi_v depth = spsi_mul(chord->share, spsi_set(sphere->depth));
     return sphere->soft ? spsi_mul(depth, spsi_mul(chord->share, chord->share)) : depth;
@@ -9040,7 +9041,7 @@ static inline spsi_v spsi_chord_fraction(int soft, spsi_v v) {
     return spsi_fma(s, spsi_sub(spsi_set(0.75f), spsi_mul(spsi_set(0.25f), spsi_mul(s, s))), half);
 }
 
-/* Solid angle relative to a cube face's middle; edges count half per face. */
+/* Solid angle relative to a cube face's middle texel; edge texels count half per face. */
 static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
     const int edges = (x == 0 || x == rays->width - 1) + (y == 0 || y == rays->height - 1);
     double e[3];
@@ -9068,7 +9069,7 @@ static double spsi_sphere_sum(const spsi_rays *rays, const spsi_sphere *sphere, 
 /* Exact mean of relative chords over the outline. */
 static double spsi_sphere_mean(const spsi_sphere *sphere) { return sphere->soft ? 2.0 / 5 : 2.0 / 3; }
 
-/* Texel box of a distant sphere, also beyond its face. Returns the ellipse's area; 0 if grazing or too large. */
+/* Texel box of a distant sphere; may exceed the face. Returns the ellipse's area; 0 if grazing or too large. */
 static double spsi_sphere_box(const spsi_sphere *sphere, int box[4]) {
     const double a = (double)sphere->cross[0], b = (double)sphere->cross[1], c = (double)sphere->cross[2];
     const double square = a * c - b * b, x = sphere->x0 + (double)sphere->x, y = sphere->y0 + (double)sphere->y;
@@ -9081,7 +9082,7 @@ static double spsi_sphere_box(const spsi_sphere *sphere, int box[4]) {
     return SPSI_PI / sqrt(square);
 }
 
-/* Ratio of the chord sum over all cube faces to the exact one; equal for all, to avoid seams. */
+/* Ratio of the chord sum over all cube faces to the exact one; equal on all faces, to avoid seams. */
 static double spsi_sphere_mass_round(const spsi_rays *own, const spsi_rays *faces, const spsi_particle_set *set,
                                      const sps_particle *particle, const spsi_sphere *sphere, const double offset[3]) {
     const double texel = spsi_length(own->a) * spsi_length(offset), radius = spsi_sphere_radius(own, particle, offset);
@@ -9102,12 +9103,12 @@ static double spsi_sphere_mass_round(const spsi_rays *own, const spsi_rays *face
 }
 
 /* Makes a small sphere's mass exact wherever its centre lies. Corrects fully up to radii of 2/3 `coarse` texels, fading
-   towards `coarse`. `faces`: a cube, summed together; NULL: one face. */
+   to none at `coarse`. `faces`: a cube's, summed; NULL: one face. */
 static void spsi_sphere_weigh(const spsi_rays *rays, const spsi_rays *faces, double coarse,
                               const spsi_particle_set *set, const sps_particle *particle, spsi_sphere *sphere) {
     double centre[3], offset[3], texel, share, mass;
     int box[4];
-    /* most spheres are larger; left: sum of the outline's inverse squared half axes */
+    /* most spheres are larger; left side: sum of the outline's inverse squared half axes */
     if (!sphere->near_by && (double)sphere->cross[0] + (double)sphere->cross[2] < 1 / (coarse * coarse)) return;
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     spsi_along(centre, rays->origin, -1, offset);
@@ -9123,11 +9124,11 @@ static void spsi_sphere_weigh(const spsi_rays *rays, const spsi_rays *faces, dou
 }
 
 /* ============================================================================================== >>slicing
-   19 Slabs perpendicular to s = normalise(e + l), where e and l are the ray directions of eye and light. Beyond a
-   right angle, s = normalise(l - e), and the eye composites back to front. |l +- e| >= sqrt 2, so s never
+   19 Slabs perpendicular to s = normalise(e + l), where e and l are the ray directions of eye and light. Beyond 90
+   degrees between them, s = normalise(l - e), and the eye composites back to front. |l +- e| >= sqrt 2, so s never
    degenerates; light always travels along s. [Zhang & Crawfis, section 4] */
 
-#define SPSI_COSINE_MIN  0.1  /* minimum between rays and s: slabs are crossed within 10 thicknesses */
+#define SPSI_COSINE_MIN  0.1  /* minimum between rays and s, so that rays cross a slab within 10 thicknesses */
 #define SPSI_COSINE_EVEN 0.35 /* slabs are halved below it; the middle ray has 0.71 or more */
 #define SPSI_SLAB_TEXELS 8    /* maximum thickness in light texels, if pixels are wide */
 
@@ -9165,7 +9166,7 @@ typedef struct spsi_sweep {
     int soft;       /* 1: penumbrae exceed half a texel */
 } spsi_sweep;
 
-/* Minimum cosine over a grid's corner rays. */
+/* Minimum cosine between s and a grid's corner rays. */
 SPSI_COLD double spsi_cosine_to_corners(const double s[3], const spsi_rays *rays) {
     double least = 1;
     for (int corner = 0; corner < 4; ++corner) {
@@ -9183,7 +9184,7 @@ SPSI_COLD int spsi_bounds_hold(const spsi_bounds *bounds, const double point[3])
     return inside;
 }
 
-/* Minimum cosine over rays to the corners of `bounds`; -1 from inside. */
+/* Minimum cosine between s and rays to the corners of `bounds`; -1 from inside. */
 SPSI_COLD double spsi_cosine_to_bounds(const double s[3], const double from[3], const spsi_bounds *bounds) {
     const int inside = spsi_bounds_hold(bounds, from);
     double least = 1;
@@ -9198,7 +9199,7 @@ SPSI_COLD double spsi_cosine_to_bounds(const double s[3], const double from[3], 
 }
 
 /* --- parts of the image ---
-   No slab direction serves all rays of a very wide camera. Its image is cut at the ray perpendicular to it, into halves
+   No slab direction suits all rays of a very wide camera. Its image is cut at the ray perpendicular to it, into halves
    or quarters with their own slabs. A quarter's rays lie within an octant, and cross slabs facing its middle at a
    cosine of 0.25 or more. */
 
@@ -9207,7 +9208,7 @@ SPSI_COLD int spsi_subslab_count(const spsi_frame *frame) {
     return frame->lights.sliced_count > 0 ? 1 : frame->content->parts[0] * frame->content->parts[1];
 }
 
-/* First column and row of part n, then their ends. */
+/* First column and row of part n, then its ends. */
 SPSI_COLD void spsi_subslab_place(const spsi_frame *frame, int n, int part[4]) {
     const spsi_content *content = frame->content;
     const int at[2] = {n % content->parts[0], n / content->parts[0]};
@@ -9223,7 +9224,6 @@ SPSI_COLD int spsi_subslab_meets(const int part[4], const int region[4]) {
            part[3] > region[1];
 }
 
-/* Mean direction of corner rays. */
 SPSI_COLD void spsi_subslab_direction(const spsi_rays *eye, double direction[3]) {
     memset(direction, 0, 3 * sizeof *direction);
     for (int corner = 0; corner < 4; ++corner) {
@@ -9235,7 +9235,7 @@ SPSI_COLD void spsi_subslab_direction(const spsi_rays *eye, double direction[3])
     spsi_normalise(direction);
 }
 
-/* `light`: its sheets are swept; NULL: none. */
+/* `light`: light whose sheets are swept; NULL: none. */
 SPSI_COLD void spsi_sweep_clear(const spsi_frame *frame, const spsi_light *light, int part, spsi_sweep *sweep) {
     double *corner = frame->content->eye.perspective ? sweep->eye.c : sweep->eye.origin;
     memset(sweep, 0, sizeof *sweep);
@@ -9327,7 +9327,7 @@ SPSI_COLD double spsi_cosine_of_light(const spsi_frame *frame, const spsi_light 
     return least;
 }
 
-/* Orients slabs to the light, if any, and an eye direction. Returns 1 if they serve all rays. */
+/* Orients slabs for an eye direction and the light, if any. Returns 1 if slabs suit all rays. */
 SPSI_COLD int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi_sweep *sweep) {
     double toward[3], centre[3];
     memcpy(sweep->slabs.normal, eye, sizeof sweep->slabs.normal);
@@ -9363,8 +9363,8 @@ SPSI_COLD int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
 }
 
 /* Voxel length that sizes slabs for a ray: its chord through a voxel's centre, halved or quartered at grazing angles.
-   Powers of 1/2 keep slabs in place as a light turns, without flicker. The chord 1 / sqrt(d' (V V')^-1 d) is a cube's
-   edge, but much shorter than the kernel in flat or slanted voxels. */
+   Powers of 1/2 keep slabs in place as a light turns, to avoid flicker. The chord 1 / sqrt(d' (V V')^-1 d) equals a
+   cube's edge, but is much shorter than the kernel in flat or sheared voxels. */
 SPSI_COLD double spsi_slab_chord(const spsi_lattice *lattice, const double s[3], const double ray[3]) {
     const double cosine = fabs(spsi_dot(s, ray));
     const double share = cosine >= SPSI_COSINE_EVEN ? 1 : cosine >= SPSI_COSINE_EVEN / 2 ? 0.5 : 0.25;
@@ -9422,8 +9422,9 @@ SPSI_COLD double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *la
     return spsi_dmin(extent, spsi_dmax(chord, flattest * extent));
 }
 
-/* Refines slabs in groups where radiance changes within them. Particles need `fine`. Voxels need slab_thickness times
-   their shortest edge, or an optical depth of 0.05 at value 1 if longer. Never below `least`. */
+/* Refines slabs, in groups, where radiance changes within a slab. Particles need thickness `fine`. Voxels need
+   slab_thickness times the longer of their shortest edge and an optical depth of 0.05 at value 1. Never thinner than
+   `least`. */
 static void spsi_slabs_group(const spsi_frame *frame, double fine, double least, spsi_slabs *slabs) {
     slabs->group = 1;
     if (frame->matter.classifies || frame->view.slab_thickness > SPSI_GROUP_SLAB) return;
@@ -9439,7 +9440,7 @@ static void spsi_slabs_group(const spsi_frame *frame, double fine, double least,
 }
 
 /* Places slabs across the medium for a target's rays and a light, if any. `edge`: a particle's equivalent voxel edge,
-   or infinite. `least`: minimum thickness, lowered to leave a chunk of slabs. Returns the slab count. */
+   or infinite. `least`: minimum thickness, lowered to leave a full chunk of slabs. Returns the slab count. */
 SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_light *light, double edge,
                                   double least, spsi_slabs *slabs) {
     double low = HUGE_VAL, high = -HUGE_VAL, beyond = 0, particles;
@@ -9449,7 +9450,7 @@ SPSI_COLD double spsi_slabs_place(const spsi_frame *frame, const spsi_rays *rays
         low = spsi_dmin(low, spsi_dot(point, slabs->normal));
         high = spsi_dmax(high, spsi_dot(point, slabs->normal));
     }
-    edge = spsi_dmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* caps slabs for stray particles */
+    edge = spsi_dmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* caps slab count for stray particles */
     particles = edge;
     for (int i = 0; i < frame->medium_count; ++i)
         edge = spsi_dmin(edge, spsi_slab_voxel(frame, &frame->lattices[i], rays, light, slabs->normal));
@@ -9472,7 +9473,7 @@ SPSI_COLD sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *fram
     return SPS_OK;
 }
 
-/* Widest penumbra in texels across content; infinite if any is beside or behind the light. */
+/* Widest penumbra in the content, in texels; infinite if any is beside or behind the light. */
 SPSI_COLD double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sweep) {
     const spsi_light *light = sweep->light;
     const double texel = spsi_dmin(spsi_length(sweep->rays.a), spsi_length(sweep->rays.b));
@@ -9516,7 +9517,7 @@ SPSI_COLD const spsi_light *spsi_sliced_light(const spsi_frame *frame, int n) {
     return NULL;
 }
 
-/* Shadowing lights in sweep n; the first has all without sheets. */
+/* Number of shadowing lights in sweep n; the first includes all without sheets. */
 SPSI_COLD int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
     return (n < frame->lights.sliced_count) + (n == 0 ? frame->lights.shadow_count - frame->lights.sliced_count : 0);
 }
@@ -9541,7 +9542,7 @@ SPSI_COLD double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *swee
     return spsi_dmin(least, SPSI_SLAB_TEXELS * spsi_pixel_size_at(&sweep->rays, sweep->rays.depth_reference));
 }
 
-/* Returns a particle's equivalent voxel edge, or infinity. A sphere's variance is that of a voxel of 0.7 radii (r^2 / 5
+/* Returns a particle's equivalent voxel edge, or infinity. A sphere has the variance of a voxel of 0.7 radii (r^2 / 5
    if homogeneous). A cloud is at most about 500 edges deep, since slabs need not resolve small particles. */
 SPSI_COLD double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
     spsi_sweep_clear(frame, spsi_sliced_light(frame, n), part, sweep);
@@ -9562,8 +9563,8 @@ SPSI_COLD sps_result spsi_sweep_build(sps_context *context, const spsi_frame *fr
                           &sweep->slabs);
 }
 
-/* Cuts the image into the fewest parts with good, else valid, slab angles. If quarters fail, leaves it whole, to be
-   refused by the caller. */
+/* Cuts the image into the fewest parts with good, else valid, slab angles. If quarters fail, leaves it whole; the
+   caller then refuses. */
 SPSI_COLD void spsi_image_divide(const spsi_frame *frame) {
     static const double cosines[] = {SPSI_COSINE_EVEN, 0.25, SPSI_COSINE_MIN};
     spsi_content *content = frame->content;
@@ -9592,7 +9593,7 @@ SPSI_COLD void spsi_image_divide(const spsi_frame *frame) {
    2002]. Its section between two slab planes is a difference of spsi_kernel_fraction. It is evaluated per pixel,
    since slabs are tilted and kernels sheared; otherwise the error would not fall with thickness. Near a perspective
    eye, each pixel's own ray is integrated. Sections end at polygons and the near plane; footprints are widened to a
-   pixel. Classified volumes are sampled per pixel and whole slab instead, since transfer functions do not commute
+   pixel. Classified volumes are sampled per pixel and uncut slab instead, since transfer functions do not commute
    with filters. Sheets store the integral of value over t; shading multiplies by length per t. Cost: 14 vector
    operations per vector of fragments and section, 25 per row. */
 
@@ -9670,7 +9671,7 @@ typedef struct spsi_tile {
     const spsi_hit *limits; /* polygons of the image; NULL: none */
     int limit_width;
     int limit_height;
-    uint64_t open;      /* mask of patches not yet opaque; skips other footprints */
+    uint64_t open;      /* mask of patches not yet opaque; other footprints are skipped */
     const float *depth; /* optical depth so far; NULL: unknown */
     size_t depth_pitch; /* floats per row */
     float end;          /* optical depth for early termination */
@@ -9754,11 +9755,11 @@ SPSI_COLD int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *
     }
 }
 
-/* Slope of `alone` over the filter's added variance; `alone` is 1 up to voxels of 0.5 pixels, 0 from 0.7 on.
+/* Slope of `alone` over the filter's added variance; `alone` is 1 for voxels up to 0.5 pixels, 0 from 0.7 on.
    Normalising wider voxels one by one would alias uniform media. */
 #define SPSI_ALONE 16
 
-/* All that depends on (x, y, t): pixel filter, conditional Gaussians, section. */
+/* Computes all that depends on (x, y, t): pixel filter, conditional Gaussians, section. */
 static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v y, spsi_v t, spsi_v value,
                                         spsi_footprints *out) {
     const spsi_v one = spsi_set(1), c22 = spsi_set(s->covariance[5]), two = spsi_set(2), half = spsi_set(0.5f);
@@ -9980,7 +9981,7 @@ static void spsi_splat_footprint(const spsi_footprint *print) {
     const spsi_footprints *f = print->footprints;
     const int i = print->lane;
     const float height = f->half_height[i], width = f->half_width[i];
-    /* clamped as floats: may exceed int */
+    /* clamped as floats, which may exceed int */
     const int y0 = (int)spsi_fmax(ceilf(f->y[i] - height), (float)tile->y0);
     const int y1 = (int)spsi_fmin(floorf(f->y[i] + height), (float)tile->y1);
     const int x0 = (int)spsi_fmax(ceilf(f->x[i] - width), (float)tile->x0);
@@ -10003,7 +10004,7 @@ static void spsi_splat_footprint(const spsi_footprint *print) {
     }
 }
 
-/* A near kernel along x or y. */
+/* A near kernel's extent along x or y. */
 typedef struct spsi_extent {
     float q, t, cut, qq, qt, tt;
 } spsi_extent;
@@ -10100,7 +10101,7 @@ static int spsi_near_meets(const spsi_tile *tile, const spsi_splatter *s, const 
 static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float at[3], float slab, float value,
                             float *channel) {
     const int behind = s->whole && fabsf(slab - tile->eye_slab) < s->reach_slabs + SPSI_BEHIND;
-    const float side = behind && at[2] < 0 ? -1.0f : 1.0f; /* the mirror image has the same pixels */
+    const float side = behind && at[2] < 0 ? -1.0f : 1.0f; /* the mirror image covers the same pixels */
     int x0 = tile->x0, x1 = tile->x1, y0 = tile->y0, y1 = tile->y1;
     const int first = (int)floorf(slab - s->reach_slabs), last = (int)floorf(slab + s->reach_slabs) + 1;
     const float unit = s->near_case.unit, q[3] = {at[0] / unit, at[1] / unit, at[2] / unit};
@@ -10151,7 +10152,7 @@ static inline int spsi_footprints_inside(const spsi_tile *tile, const spsi_footp
     return spsi_bits(spsi_and(spsi_and(m0, m1), spsi_less(spsi_set(0), spsi_load(f->per_slab))));
 }
 
-/* Ratio of a Gaussian's pixel sum to its integral, up to the first aliasing term, scaled by `alone`. */
+/* Ratio of a Gaussian's pixel sum to its integral, with its first aliasing term scaled by `alone`. */
 static inline spsi_v spsi_pixels_sum(const float *x, const float *half, spsi_v per_cut, spsi_v alone) {
     const spsi_v at = spsi_clamp(spsi_load(x), spsi_set(-4.0f * SPSI_SIZE_MAX), spsi_set(4.0f * SPSI_SIZE_MAX));
     const spsi_v turn = spsi_fma(spsi_abs(spsi_sub(at, spsi_round(at))), spsi_set(4), spsi_set(-1));
@@ -10222,7 +10223,7 @@ static void spsi_brick_origin_build(const spsi_lattice *lattice, const spsi_bric
 }
 
 /* --- small voxels ---
-   If voxels are smaller than samples, footprints are mostly pixel filter. Instead, mass is deposited into 3^3 samples
+   If voxels are smaller than samples, footprints are mostly pixel filter. Mass is instead deposited into 3^3 samples
    with linear weights, averaged over a voxel's breadth b. Mass and first moments stay exact; the added variance (2 +
    b^2) / 12 is close to the filter's 1/4. A volume is deposited entirely or not at all, to avoid seams. Cost: 27
    additions per voxel. */
@@ -10243,7 +10244,7 @@ static void spsi_voxel_breadths(const spsi_splatter *s, const float q[3], float 
     }
 }
 
-/* Chooses deposits if voxels are small at all corners. They reach one slab beyond the nearest. */
+/* Chooses deposits if voxels are small at all corners. Deposits reach one slab beyond the nearest. */
 SPSI_COLD void spsi_splatter_deposits(spsi_splatter *splatter, const spsi_rays *rays, const spsi_bounds *bounds) {
     for (int corner = 0; corner < 8; ++corner) {
         double point[3], q[3];
@@ -10260,7 +10261,7 @@ SPSI_COLD void spsi_splatter_deposits(spsi_splatter *splatter, const spsi_rays *
     splatter->reach_slabs = spsi_fmax(splatter->reach_slabs, 1);
 }
 
-/* Samples are relative to the tile. */
+/* Sample indices are relative to the tile. */
 typedef struct spsi_deposit {
     const spsi_tile *tile;
     const spsi_splatter *splatter;
@@ -10517,7 +10518,7 @@ static inline void spsi_splat_sphere(const spsi_sphere_footprint *print, int cla
                                  &sections);
 }
 
-/* `starts` 1: first chunk; `left`: slabs from this chunk on. */
+/* `starts` 1: first chunk; `left`: slab count from this chunk on. */
 static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossing,
                                 const spsi_projected_sphere *projected, int starts, int left) {
     const spsi_sphere *sphere = &projected->sphere;
@@ -10546,13 +10547,13 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossi
    21 Volumes sampled per pixel (gathered). A sample sums 4^3 or 6^3 voxels, weighted by a normalised kernel tabulated
    at 1025 positions. Bricks of 8^3 voxels have an apron for the taps. Vertical neighbours share layers; empty layers
    are not stored. A bit per cell of 2^3 voxels marks where samples matter. Samples lie in the middle of steps h. A
-   slab's integral is h times their sum plus h / 24 times the change of differences between its ends. This end-corrected
-   midpoint rule has error O(h^4). Slabs cut by a polygon or the near plane are sampled separately.
-   Where voxels are smaller than pixels, a pixel has two rays. They alternate each sample between corners of its middle
-   half, as good as four rays. Still smaller voxels take up to 8^2. Unclassified volumes have a pyramid, filtered by (1,
-   3, 3, 1) / 8 along each axis (spectrum cos^3). Classified ones have none, since transfer functions do not commute
-   with filters. The camera's pixels choose one level for all targets; with two, media would lie in front of or behind
-   their own shadow. The next level is blended in gradually.
+   slab's integral is h times their sum plus h / 24 times the change in first differences between its ends. This
+   end-corrected midpoint rule has error O(h^4). Slabs cut by a polygon or the near plane are sampled separately.
+   Where voxels are smaller than pixels, a pixel has two rays. Successive samples alternate between corners of its
+   middle half, as good as four rays. Still smaller voxels take up to 8^2 rays. Unclassified volumes have a pyramid,
+   filtered by (1, 3, 3, 1) / 8 along each axis (spectrum cos^3). Classified ones have none. The camera's pixels choose
+   one level for all targets; with two, media would lie in front of or behind their own shadow. The next level is
+   blended in gradually.
    With a tolerance, sixteen rays stand for 8 x 8 pixels where media are smooth. Cubics interpolate between them; third
    differences per brick octant bound the error.
    Cost in vector operations: 20 per sample of 4^3 voxels, 80 of 6^3, twice that per gradient. Add 60 per vector of
@@ -10563,7 +10564,7 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossi
 #define SPSI_SAMPLER_STEP_6   1.0   /* with 6^3 taps */
 #define SPSI_SAMPLER_OPAQUE   1e4   /* voxels of greater optical depth are splatted: a tap 3 voxels away weighs 1e-5 */
 #define SPSI_SAMPLER_VARIANCE 0.125 /* minimum variance of a voxel in square ray spacings: half the pixel filter's */
-#define SPSI_SAMPLER_TWO    0.25    /* minimum for two alternating rays, which miss more */
+#define SPSI_SAMPLER_TWO    0.25    /* minimum for two alternating rays, which undersample */
 #define SPSI_SAMPLER_LONE   0.3 /* minimum for isolated voxels to keep their mass: 4 exp(-2 pi^2 0.3) = 1 % */
 #define SPSI_SAMPLER_WIDEST 1.0 /* maximum standard deviation of a level's voxel, in texels or half pixels */
 #define SPSI_SAMPLER_RAYS   64  /* maximum rays per pixel */
@@ -10572,10 +10573,9 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossi
 #define SPSI_PYRAMID_CELLS  16777216         /* 2^24: floats index a grid's bricks */
 
 /* Nanoseconds, to choose between splatting and gathering; only ratios matter. Measured on one core with 16-wide
-   vectors, but used everywhere, so that images do not depend on the machine. Footprints count 1.35 times, since some
-   lie in two tiles or chunks. With 6^3 taps, eleven passes (bonsai, blob, smoke, full 256^3; high, ultra; 256, 1024
-   pixels) break even between 16 and 37, median 28. At medium quality, any value up to 20 for 4^3 gathers all, which is
-   faster. */
+   vectors; constant, so that images do not depend on the machine. Footprints count 1.35 times, since some lie in two
+   tiles or chunks. With 6^3 taps, eleven passes (bonsai, blob, smoke, full 256^3; high, ultra; 256, 1024 pixels) break
+   even at costs of 16 to 37, median 28. At medium quality, costs up to 20 for 4^3 gather all, which is faster. */
 #define SPSI_COST_FOOTPRINT   90.0
 #define SPSI_COST_FRAGMENT    0.57
 #define SPSI_COST_SAMPLE      8.0
@@ -10586,8 +10586,8 @@ static inline int spsi_pyramid_edge(int taps) { return SPSI_BRICK + taps - 1; }
 static inline int spsi_pyramid_pitch(int taps) { return taps > 4 ? 16 : 11; }
 static inline int spsi_plane_floats(int taps) { return spsi_pyramid_edge(taps) * spsi_pyramid_pitch(taps); }
 
-/* Largest step h in voxels. Waves of length h alias; the kernel leaves exp(-2 (pi sigma / h)^2): 2 %, or 0.02 % with
-   6^3 taps. */
+/* Largest step h in voxels. Waves of length h alias; the kernel attenuates them to exp(-2 (pi sigma / h)^2): 2 %, or
+   0.02 % with 6^3 taps. */
 static inline double spsi_sampler_step(const spsi_pyramid *fields) {
     return fields->taps > 4 ? SPSI_SAMPLER_STEP_6 : SPSI_SAMPLER_STEP;
 }
@@ -10694,7 +10694,7 @@ SPSI_COLD void spsi_pyramid_number(const spsi_brick *bricks, int taps, spsi_pyra
 typedef struct spsi_pyramid_job {
     const sps_context *context;
     const spsi_brick *bricks;        /* relevant voxels */
-    const spsi_material *classifies; /* decides visibility; NULL: above 0 */
+    const spsi_material *classifies; /* decides visibility; NULL: visible above 0 */
     int taps;
     spsi_pyramid_level *field;
     const spsi_pyramid_level *fine; /* next finer level, or NULL */
@@ -10755,7 +10755,7 @@ SPSI_COLD void spsi_pyramid_list(const spsi_pyramid_job *job) {
     }
 }
 
-/* Marks visible voxels: above 0, or if classified, unless the whole range 0..value is transparent. */
+/* Marks visible voxels: above 0, or if classified, unless all of 0..value is transparent. */
 static void spsi_pyramid_show(const spsi_pyramid_job *job, int held) {
     const int pitch = spsi_pyramid_pitch(job->taps), border = job->taps / 2 - 1;
     const int lanes = spsi_imin(SPSI_LANES, SPSI_BRICK), whole = (1 << lanes) - 1;
@@ -10859,7 +10859,7 @@ static inline uint32_t spsi_shown_row(const uint64_t *const shown[3], int row) {
     return bits;
 }
 
-/* Cells that reach a voxel along an axis: cell c reaches 2 c + 1 - reach to 2 c + 1 + reach. */
+/* Mask of cells that reach voxel `at` along an axis: cell c reaches 2 c + 1 +- reach. */
 static inline int spsi_cells_seeing(int reach, int at) {
     int cells = 0;
     for (int c = 0; c < SPSI_BRICK / 2; ++c) cells |= (at > 2 * c - reach && at <= 2 * c + 1 + reach) << c;
@@ -10889,7 +10889,7 @@ static void spsi_cells_mark(const uint64_t *const shown[27], int reach, uint32_t
     }
 }
 
-/* Fills aprons and marks cells with visible voxels within taps / 2, or n more in mask n of a classified volume. */
+/* Fills aprons. Marks cells with visible voxels within taps / 2, plus n in mask n of a classified volume. */
 static void spsi_pyramid_apron_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
     const spsi_pyramid_level *field = job->field;
@@ -10912,7 +10912,7 @@ static inline spsi_v spsi_third_most(spsi_v most, spsi_v a, spsi_v b) {
     return spsi_max(most, spsi_abs(spsi_sub(a, b)));
 }
 
-/* xx, yy, zz and xy. */
+/* Second differences xx, yy, zz and xy. */
 static inline void spsi_second_difference(const float *v, const int step[3], spsi_v second[4]) {
     const spsi_v here = spsi_load(v), right = spsi_load(v + step[0]), below = spsi_load(v + step[1]);
     for (int k = 0; k < 3; ++k)
@@ -10935,7 +10935,7 @@ static inline void spsi_third_difference(const float *v, const int step[3], spsi
     }
 }
 
-/* Bound on the third derivative in any direction per octant, in voxel units: norm of the largest third differences. */
+/* Bounds the third derivative in any direction per octant, in voxel units: norm of the largest third differences. */
 static void spsi_pyramid_thirds(int taps, const float *values, float bends[8]) {
     static const float weights[10] = {1, 1, 1, 3, 3, 3, 3, 3, 3, 6};
     const int pitch = spsi_pyramid_pitch(taps), border = taps / 2 - 1;
@@ -10973,7 +10973,7 @@ SPSI_COLD void spsi_level_place(const spsi_pyramid_level *fine, spsi_pyramid_lev
     }
 }
 
-/* Indexes a level's bricks around the finer ones. Each may have voxels of its own. */
+/* Indexes a level's bricks at and around the finer ones, since each may receive voxels. */
 SPSI_COLD void spsi_level_number(const spsi_pyramid_level *fine, spsi_pyramid_level *level) {
     const size_t cells = spsi_pyramid_cells(level);
     memset(level->grid, 0, cells * sizeof *level->grid);
@@ -11110,7 +11110,7 @@ static inline void spsi_taps_changes(int taps, const spsi_taps *at, spsi_four ch
 typedef struct spsi_sampler_places {
     spsi_v bricks, cells; /* brick in the grid; cell in the brick */
     int brick[SPSI_LANES];
-    int layer[SPSI_LANES], first[SPSI_LANES]; /* plane of the first tap, and float in it */
+    int layer[SPSI_LANES], first[SPSI_LANES]; /* plane of the first tap, and its index there */
     int weights[3][SPSI_LANES];
 } spsi_sampler_places;
 
@@ -11360,7 +11360,8 @@ static spsi_v spsi_only(spsi_v a, int lanes) {
     return spsi_load(values);
 }
 
-/* Adds slab integrals to sheets of `size` floats, at offset `at`. One more sample on either side yields slopes. */
+/* Adds slab integrals to sheets of `size` floats, at offset `at`. One more sample on either side yields end
+   differences. */
 static void spsi_sampler_add(const spsi_sampler *t, spsi_tile *tile, const spsi_sampler_rays *rays, float *sheets,
                              size_t at, size_t size) {
     const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale / (float)t->steps));
@@ -11420,7 +11421,7 @@ typedef struct spsi_sampler_patch {
     float x[16], y[16]; /* row by row */
 } spsi_sampler_patch;
 
-/* A corner's ray: bit 0 is right, bit 1 down. */
+/* A corner's ray index; bit 0: right, bit 1: down. */
 static inline int spsi_sampler_corner(int corner) { return 3 * (corner & 1) + 12 * (corner >> 1); }
 
 static float spsi_sampler_slabs_per_depth(const spsi_sampler *t, float x, float y) {
@@ -11456,7 +11457,7 @@ static float spsi_sampler_patch_extent(const spsi_sampler *t, const spsi_tile *t
     return sqrtf(most);
 }
 
-/* Error over the third derivative: w^3 / 378.8 for a cubic through four evenly spaced nodes across w (integrated Peano
+/* Error per third derivative: w^3 / 378.8 for a cubic through four evenly spaced nodes across w (integrated Peano
    kernel). SPSI_CUBIC_WEIGHTS: its Lebesgue constant. */
 #define SPSI_CUBIC_BOUND   (1 / 378.8f)
 #define SPSI_CUBIC_WEIGHTS 1.631f
@@ -11482,7 +11483,7 @@ static void spsi_sampler_patch_range(const spsi_sampler *t, const spsi_tile *til
             range[1] = spsi_fmin(range[1], spsi_hit_depth(tile->limits, tile->limit_width, tile->limit_height, x, y));
 }
 
-/* Boxes around a patch's rays per slab, in sample coordinates. */
+/* Boxes around a patch's rays, one per slab, in sample coordinates. */
 typedef struct spsi_sampler_boxes {
     spsi_v low[3], high[3];
     spsi_v begin, end; /* depths */
@@ -11509,8 +11510,8 @@ static inline void spsi_sampler_boxes_extend(const spsi_sampler *t, const spsi_s
     }
 }
 
-/* Octants that boxes meet along an axis. Stored bounds also cover the next octant: finds the first and last pair, and
-   returns the number of pairs. A sample's differences begin up to taps / 2 - 1 before it and taps / 2 behind it. A
+/* Octants that boxes meet along an axis. Since stored bounds also cover the next octant, finds the first and last pair,
+   and returns the number of pairs. A sample's differences begin from taps / 2 - 1 before it to taps / 2 behind it. A
    level's differences sum finer ones up to 2.5 voxels away. */
 static int spsi_sampler_boxes_eighths(const spsi_sampler *t, const spsi_sampler_boxes *boxes, int axis, spsi_v *first,
                                       spsi_v *last) {
@@ -11547,7 +11548,7 @@ static spsi_v spsi_sampler_boxes_thirds(const spsi_sampler *t, const spsi_sample
             }
         }
     }
-    return spsi_mul(most, spsi_set((float)(1 << 3 * t->level))); /* third differences of larger steps */
+    return spsi_mul(most, spsi_set((float)(1 << 3 * t->level))); /* scales with the step cubed */
 }
 
 /* Bounds the third derivative around each slab, as far as samples reach. Returns a mask of slabs that all rays cross
@@ -11658,7 +11659,7 @@ static float spsi_sampler_crossed(const spsi_sampler *t, const spsi_tile *tile) 
     return most;
 }
 
-/* Samples per slab of length `way` in voxels. */
+/* Samples per slab for a path of `way` voxels. */
 static int spsi_sampler_steps(const spsi_sampler *t, float way) {
     const float steps = ceilf(spsi_fmin(way / (float)spsi_sampler_step(t->fields), SPSI_SAMPLER_MOST));
     return t->lone ? 1 : spsi_imax(1, (int)steps);
@@ -11784,7 +11785,7 @@ SPSI_COLD void spsi_sampler_point(const spsi_sampler *sampler, const spsi_lattic
     spsi_point_to_rays(rays, point, q);
 }
 
-/* Tests voxel size against texels, distance from the rays' origin, and slab thickness. */
+/* Tests voxel size in texels, distance from the rays' origin, and slab thickness. */
 SPSI_COLD spsi_fill_choice spsi_sampler_serves(spsi_sampler *sampler, const spsi_lattice *lattice,
                                                const spsi_rays *rays, const spsi_splatter *splatter) {
     for (int corner = 0; corner < 8; ++corner) {
@@ -11811,8 +11812,8 @@ SPSI_COLD int spsi_sampler_pays(const spsi_sampler *sampler, const spsi_lattice 
            field->voxels * (SPSI_COST_FOOTPRINT + SPSI_COST_FRAGMENT * fragments);
 }
 
-/* Number of coarser levels; 0 if classified. At high quality and above, 0 for voxels more than twice as long as wide:
-   levels widen all edges. */
+/* Number of coarser levels; 0 if classified. At high quality and above, 0 for voxels more than twice as long as wide,
+   since levels widen all edges. */
 SPSI_COLD int spsi_levels_wanted(const spsi_frame *frame, int medium) {
     const spsi_lattice *lattice = &frame->lattices[medium];
     double shortest = HUGE_VAL, longest = 0;
@@ -11834,7 +11835,7 @@ SPSI_COLD double spsi_medium_depth(const spsi_frame *frame, const spsi_lattice *
 
 typedef enum spsi_sample_pattern {
     SPSI_SAMPLER_PIXELS, /* one ray, or several for smaller voxels */
-    SPSI_SAMPLER_SHEETS  /* a light's sheets: one ray first, at any level */
+    SPSI_SAMPLER_SHEETS  /* a light's sheets: tries one ray first, at any level */
 } spsi_sample_pattern;
 
 /* True if one sample per slab is enough. */
@@ -11862,9 +11863,9 @@ static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *ray
 }
 
 /* Builds and tests a level's sampler. Classified volumes take one sample per slab if enough: a parabola through samples
-   is as exact as one through means, and needs only adjacent slabs. Slabs widened for large pixels also get one; a mean
-   of several would be classified wrongly. Nine rays replace four that lose a lone voxel's mass, or whose 4 taps cut off
-   its edge. */
+   is as exact as one through means, and needs only adjacent slabs. Slabs thickened for large pixels also take one,
+   since a mean would be classified wrongly. Nine rays replace four that lose a lone voxel's mass, or whose 4 taps cut
+   off its edge. */
 SPSI_COLD spsi_fill_choice spsi_sampler_try(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
                                             const spsi_splatter *splatter, int level, int count,
                                             spsi_sampler *sampler) {
@@ -11883,7 +11884,7 @@ SPSI_COLD spsi_fill_choice spsi_sampler_try(const spsi_frame *frame, const spsi_
 }
 
 /* Decides how a volume fills sheets, and builds its sampler: the frame's level with the fewest rays that suffice. If
-   none is chosen yet: the finest level that two or four rays serve, else the coarsest, the cheapest. */
+   none is chosen yet: the finest level where two or four rays suffice, else the coarsest, which is cheapest. */
 SPSI_COLD spsi_fill_choice spsi_sampler_judge(const spsi_frame *frame, const spsi_lattice *lattice,
                                               const spsi_rays *rays, const spsi_slabs *slabs,
                                               const spsi_splatter *splatter, spsi_sample_pattern pattern,
@@ -11913,7 +11914,7 @@ SPSI_COLD spsi_fill_choice spsi_sampler_judge(const spsi_frame *frame, const sps
 }
 
 /* Weight of the next level, in 128ths. It grows from 0 to 1 over the last octave of variance before that level takes
-   over. It does so once four rays are too few and its voxels narrow enough. In perspective, the far side decides the
+   over. It takes over once four rays are too few and its voxels narrow enough. In perspective, the far side decides the
    former, the near side the latter. */
 static float spsi_levels_mix(const spsi_frame *frame, int medium, const spsi_sampler *sampler) {
     const double wide = 4 * (double)sampler->widest * (double)sampler->widest / SPSI_SAMPLER_WIDEST;
@@ -11945,7 +11946,6 @@ static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, c
     }
 }
 
-/* Chooses levels for the camera's pixels. */
 static void spsi_levels_choose(const spsi_frame *frame) {
     spsi_content *content = frame->content;
     spsi_slabs slabs;
@@ -11958,10 +11958,10 @@ static void spsi_levels_choose(const spsi_frame *frame) {
 
 /* --- building pyramids --- */
 
-/* Taps per axis. At medium quality, slab errors exceed the truncation error of 4. */
+/* Taps per axis. At medium quality, slab errors exceed the truncation error of 4 taps. */
 SPSI_COLD int spsi_taps_wanted(const spsi_frame *frame) { return frame->view.quality > SPS_QUALITY_MEDIUM ? 6 : 4; }
 
-/* Key of the pyramids needed; 0: none. */
+/* Cache key of the pyramids needed; 0: none. */
 static int spsi_pyramids_wanted(const spsi_frame *frame) {
     if (frame->medium_count == 0 || (frame->view.filling == SPS_FILLING_SPLAT && !frame->has_gradients)) return 0;
     return spsi_taps_wanted(frame) + 8 * frame->has_gradients;
@@ -12003,8 +12003,8 @@ SPSI_COLD int spsi_may_interpolate(const spsi_frame *frame) {
     return 0;
 }
 
-/* Upper bound on all pyramids' bytes; `bricks`: maximum read per volume. Voxels are within reach of 3^3 bricks per
-   level: the finer ones and their neighbours span up to five. Sides below three bricks may grow to three. */
+/* Counts an upper bound of all pyramids' bytes; `bricks`: maximum read per volume. A brick's voxels reach 3^3 bricks
+   per level: the finer level's and their neighbours span up to five. Sides below three bricks may grow to three. */
 static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, const uint64_t *bricks) {
     const size_t plane = (size_t)spsi_plane_floats(spsi_taps_wanted(frame)) * sizeof(float);
     spsi_reserve(context, SPSI_BUFFER_PYRAMIDS, 1, sizeof(spsi_pyramid));
@@ -12026,7 +12026,7 @@ static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, c
     }
 }
 
-/* Returns all grids' integer count. */
+/* Returns the number of integers in all grids. */
 SPSI_COLD size_t spsi_pyramids_begin(const sps_context *context, const spsi_frame *frame, spsi_pyramid *fields) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     size_t all = 0;
@@ -12106,7 +12106,6 @@ SPSI_COLD void spsi_pyramid_fill(sps_context *context, int reaches, spsi_pyramid
     spsi_parallel_by(context, SPSI_PYRAMID_BATCH, field->count, spsi_pyramid_apron_task, job);
 }
 
-/* Stores the indexed levels `first` to `last`. */
 SPSI_COLD sps_result spsi_levels_store(sps_context *context, const spsi_frame *frame, int first, int last) {
     const size_t empty = (size_t)spsi_plane_floats(frame->content->fields->taps);
     size_t bricks = 0, floats = empty;
@@ -12217,7 +12216,7 @@ SPSI_COLD sps_result spsi_pyramids_thirds(sps_context *context, const spsi_frame
 /* ============================================================================================== >>targets
    22 Filling sheets. A target is a grid of rays with a sheet per slab: the camera's, a light's, or a map face's. A
    chunk of SPSI_CHUNK slabs is filled tile by tile. A tile is one task that adds bricks, then particles, in index
-   order. Sums are thus identical for any number of workers and any region. Queues sort both by first chunk. A tile
+   order. Sums are thus identical for any number of workers and any region. Queues sort them by first chunk. A tile
    costs one comparison per brick; particles are binned by tile. Footprints inside 8 x 8 pixel patches whose rays have
    all terminated cost one test. */
 
@@ -12267,7 +12266,7 @@ static int spsi_queue_sort(spsi_queue *queue, int chunks) {
     return most;
 }
 
-/* Keeps items that reach the chunk and merges new ones in place, backwards. Chunk 0 restarts. */
+/* Keeps items that reach the chunk and merges new ones in place, backwards. Chunk 0 restarts the queue. */
 static void spsi_queue_advance(spsi_queue *queue, int chunk) {
     int held = 0, added;
     if (queue->count == 0) return;
@@ -12337,7 +12336,7 @@ typedef struct spsi_target {
     float *spent;          /* error so far, per patch of each tile; NULL: none */
 } spsi_target;
 
-/* Gathered gas without emission may be interpolated at levels 0 and 1. Coarser voxels exceed the bounds' reach. */
+/* Gathered gas without emission may be interpolated at levels 0 and 1. Error bounds exclude coarser voxels. */
 static int spsi_target_interpolates(const spsi_target *target, int medium) {
     const spsi_frame *frame = target->frame;
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
@@ -12391,7 +12390,7 @@ static size_t spsi_shape_floats(const spsi_shape *shape) {
            2 * SPSI_LANES; /* vectors overrun the end */
 }
 
-/* The camera's sheets have a channel per material. A light's have one for all gases and one per classified volume.
+/* The camera's sheets have a channel per material. A light's have one for all gas and one per classified volume.
    Classified volumes need a margin. */
 static spsi_shape spsi_shape_of(const spsi_frame *frame, int is_eye) {
     const int channels = is_eye ? frame->matter.material_count : frame->matter.light_channel_count;
@@ -12474,7 +12473,7 @@ static sps_result spsi_target_build(sps_context *context, const spsi_frame *fram
     return spsi_target_volumes(context, target);
 }
 
-#define SPSI_SUMMED_MOST 8192 /* particles summed in floats: rounding loses at most 8192 / 2 * 6e-8 = 2.5e-4 */
+#define SPSI_SUMMED_MOST 8192 /* maximum particles summed in floats: rounding loses at most 8192 / 2 * 6e-8 = 2.5e-4 */
 
 /* Tiles per worker: two if sheets may be emptied into sums. */
 static size_t spsi_sheet_tiles(const spsi_frame *frame) { return frame->particles.count > SPSI_SUMMED_MOST ? 2 : 1; }
@@ -12603,7 +12602,7 @@ static void spsi_particles_task(void *data, int i) {
     spsi_queue_set(&contents->particles, i, chunks, slab - room, slab + room);
 }
 
-/* One per tile, one for wide particles, and the end. */
+/* Number of list starts: one per tile, for wide particles, and the end. */
 SPSI_COLD size_t spsi_list_starts(const spsi_rays *rays) {
     return (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays) + 2;
 }
@@ -12763,7 +12762,7 @@ typedef struct spsi_tile_fill {
     spsi_tile *tile;
     int column, row, touched;
     int summed;  /* particles in the sheets */
-    int carried; /* 1: earlier ones are in the sums behind the sheets */
+    int carried; /* 1: earlier particles are in the sums behind the sheets */
 } spsi_tile_fill;
 
 static void spsi_tile_touch(spsi_tile_fill *fill) {
@@ -12793,7 +12792,7 @@ static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_sampler_patch
     return x <= x1 && y <= y1;
 }
 
-/* Maximum optical depth of a slab at value 1. */
+/* A slab's maximum optical depth at value 1. */
 static float spsi_target_depth(const spsi_target *target, int medium, const spsi_sampler_patch *patch) {
     const spsi_frame *frame = target->frame;
     const float extinction = frame->matter.materials[frame->media[medium].channel].extinction;
@@ -12806,7 +12805,7 @@ static float spsi_target_depth(const spsi_target *target, int medium, const spsi
     return extinction * most;
 }
 
-/* Mask of slabs that the remaining tolerance lets interpolate. */
+/* Mask of slabs that may be interpolated within the remaining tolerance. */
 static uint32_t spsi_patch_choose(const spsi_sampler *here, const spsi_tile *tile, const spsi_sampler_patch *patch,
                                   float depth, float allowed, float *spent) {
     const float across = depth * spsi_sampler_patch_bound(here, tile, patch);
@@ -12864,8 +12863,8 @@ static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t liv
 
 /* Distance from visible voxels within which samples are taken; rays cross `way` voxels per slab. A classified
    slab depends on adjacent ones: if one of three samples is visible, another two slabs away may matter. Voxels within
-   1.25 make a sample visible, since all beyond on one side weigh 0.1. Means need one more sample at their ends; draft
-   quality omits the last voxel. At most two voxels: thicker slabs are no more exact. */
+   1.25 make a sample visible, since weights beyond on one side sum to 0.1. Means need one more sample at their ends;
+   draft quality omits the last voxel. At most two voxels: thicker slabs are no more exact. */
 static int spsi_reach_wanted(const spsi_target *target, int medium, float way) {
     const spsi_frame *frame = target->frame;
     const float taps = (float)(target->samplers[medium].fields->taps / 2);
@@ -12918,7 +12917,7 @@ static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t pa
     spsi_tile_follow(&here, tile, rest, channel);
 }
 
-/* Blends a level and the next, each with its own ray count. From here on, `mix` is a level's weight. */
+/* Blends a level with the next, each with its own ray count. From here on, `mix` is a level's weight. */
 static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
     const spsi_target *target = fill->target;
     spsi_sampler here = target->samplers[medium], next = here;
@@ -12990,7 +12989,7 @@ static void spsi_tile_splat_one(spsi_tile_fill *fill, const spsi_projected_spher
     spsi_splat_particle(fill->tile, &fill->target->crossing, projected, fill->contents->first_slab == 0, left);
 }
 
-/* Splats a list's particles. `beyond`: 0: all, 1: if they reach right, 2: down, 3: both. */
+/* Splats a list's particles. `beyond`: 0: all, 1: only if reaching right, 2: down, 3: both. */
 static void spsi_tile_splat_list(spsi_tile_fill *fill, int list, int beyond) {
     const spsi_lists *lists = &fill->target->particles;
     const int first = lists->starts[list], end = lists->starts[list + 1], ahead = 8;
@@ -13129,7 +13128,7 @@ static inline spsi_row_slabs spsi_row_slabs_at(const spsi_light_shader *shader, 
     return slabs;
 }
 
-/* Round-off can make sums slightly negative. */
+/* Clamps sums that round-off made slightly negative. */
 static inline spsi_v spsi_sheet_sum(const spsi_tile *tile, int channel, size_t at) {
     return spsi_max(spsi_load(tile->sheets + (size_t)channel * tile->channel_size + at), spsi_set(0));
 }
@@ -13167,8 +13166,8 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
 /* =============================================================================================== >>tmaps
    24 Filling and lookup of transmittance maps. Each of up to six faces is a grid of rays; u runs from 0 at near_depth
    to 1 at far_depth along t. Cube faces share rays at their edges, and t is the largest coordinate from the light, so
-   nothing jumps between faces. Opaque surfaces are a separate depth per texel, since they would spoil any technique's
-   fit.
+   results are continuous across faces. Opaque surfaces are a separate depth per texel, since they would spoil any
+   technique's fit.
    Maps are filled in rows of tiles (bands). A tile is one task that visits volumes, particles and triangles in order,
    so results are identical for any number of workers. Vectors of intervals are added to sums or, for lists,
    counted, sorted and fitted. Volumes are splatted into slabs perpendicular to the light's axis: once for plain sums,
@@ -13193,7 +13192,7 @@ typedef struct spsi_tmap_data {
 typedef struct spsi_shadow_table {
     int light;          /* its light's index */
     int is_made;        /* 1: complete */
-    int waits;          /* 1: made for the cells; a sweep will take it */
+    int waits;          /* 1: made for the cells, reserved for a sweep */
     int planes;
     float end;          /* maximum optical depth */
     spsi_light_grid grid;
@@ -13250,7 +13249,7 @@ static int spsi_tmap_is_table(const sps_tmap *map) {
     return map->table && is_even && map->settings.components == map->table->planes;
 }
 
-/* Optical depths of a texel's gas in front of rising u. */
+/* Optical depths of a texel's gas in front of ascending u. */
 static void spsi_tmap_depths(const sps_tmap *map, const spsi_texel *texel, int count, const float *u, float *depths) {
     float within[SPSI_SHADOW_TABLE_PLANES_MOST];
     int first = 0;                       /* first u inside the range */
@@ -13342,7 +13341,7 @@ typedef struct spsi_tmap_quads {
     spsi_v column[2], row[2], weight[4], u;
 } spsi_tmap_quads;
 
-#define SPSI_SHADOW_TABLE_SIDE        4 /* texels per side of a block, whose planes are one cache line */
+#define SPSI_SHADOW_TABLE_SIDE        4 /* texels per side of a block; each of its planes is one cache line */
 #define SPSI_SHADOW_TABLE_TEXELS      (SPSI_SHADOW_TABLE_SIDE * SPSI_SHADOW_TABLE_SIDE)
 #define SPSI_SHADOW_TABLE_MOST        65535.0f   /* represents the table's `end` */
 #define SPSI_SHADOW_TABLE_BLOCKS_MOST 16777216.0 /* blocks times planes: 1 GB */
@@ -13542,7 +13541,7 @@ static void spsi_insert_range(const spsi_map_tile *into, size_t at, const spsi_i
     spsi_store(into->ranges + into->stride + at, spsi_select(some, spsi_max(last, u1), last));
 }
 
-/* Limits on interval ends beyond 0..1: in u, to keep lengths finite; relative to a range, which may be tiny. */
+/* Limits on interval ends beyond 0..1, to keep lengths finite: in u, and relative to a range, which may be tiny. */
 #define SPSI_INTERVAL_REACH 1e30
 #define SPSI_RANGE_REACH    1e6f
 
@@ -13575,7 +13574,7 @@ static void spsi_insert_list(const spsi_map_tile *into, int x, int y, const spsi
     }
 }
 
-/* Inserts intervals from (x, y) on; depth must be 0 beyond the tile's edge. */
+/* Inserts intervals starting at (x, y); depth must be 0 beyond the tile's edge. */
 static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_intervals *intervals) {
     const spsi_filling *filling = into->filling;
     const size_t at = (size_t)((y - into->y0) * into->width + (x - into->x0));
@@ -13615,7 +13614,7 @@ static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const sp
     }
 }
 
-/* Inserts an interval clipped to 0..1; parts beyond count at the ends. */
+/* Inserts an interval clipped to 0..1; parts beyond are added at the ends. */
 static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const spsi_interval *interval) {
     const float from = spsi_fmax(spsi_fmin(interval->u0, 1), 0), to = spsi_fmax(spsi_fmin(interval->u1, 1), 0);
     const float before = spsi_interval_fraction(interval, from), until = spsi_interval_fraction(interval, to);
@@ -13647,7 +13646,7 @@ static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, c
         spsi_insert_one(into, x, y, &rest);
 }
 
-/* Inserts a vector of chords. Chords that contain the light or need parts go singly. */
+/* Inserts a vector of chords. Chords that contain the light or are divided go singly. */
 static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sphere, int x, int y, int last) {
     const spsi_filling *filling = into->filling;
     const int parts = filling->map->technique->points;
@@ -13674,7 +13673,7 @@ static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sph
         lanes[2][i] = 0;
     }
     intervals.depth = spsi_load(lanes[2]);
-    intervals.u0 = spsi_clamp(intervals.u0, low, one); /* lists end at 1: none begins behind it */
+    intervals.u0 = spsi_clamp(intervals.u0, low, one); /* lists end at 1: no interval begins behind it */
     intervals.u1 = spsi_clamp(intervals.u1, zero, high);
     spsi_insert(into, x, y, &intervals);
 }
@@ -13809,7 +13808,7 @@ SPSI_COLD sps_result spsi_fill_volumes(spsi_filling *filling) {
 
 /* --- a band of sums --- */
 
-/* Packs a texel's planes. depths[k * stride] reaches plane k from the light or, for sums, from plane k - 1. */
+/* Packs a texel's planes. depths[k * stride] is from the light to plane k or, for sums, from plane k - 1. */
 static void spsi_shadow_table_store(const spsi_shadow_table *table, size_t texel, const float *depths, size_t stride,
                                     int are_sums) {
     const int planes = table->planes, side = SPSI_SHADOW_TABLE_SIDE, width = table->grid.rays[0].width;
@@ -13992,7 +13991,7 @@ static void spsi_fit_task(void *data, int index, int worker) {
     }
 }
 
-/* Fails if a map exceeds a budget (0: none). `light`: index or -1. */
+/* Fails if a map exceeds its byte budget (0: unlimited). `light`: index or -1. */
 SPSI_COLD sps_result spsi_check_map_budget(sps_context *context, int light, size_t budget, double bytes) {
     const spsi_subject at = spsi_settings_of(context, light);
     char rule[96];
@@ -14436,7 +14435,7 @@ SPSI_COLD sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light,
     return spsi_tmap_aim(map) || spsi_tmap_resolve(map) ? map->context->result : spsi_tmap_take_planes(map);
 }
 
-/* Adds all or nothing, so that failed calls can be repeated. */
+/* Adds everything or nothing, so that failed calls can be repeated. */
 SPSI_COLD sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
     const void *more[3] = {scene->volumes, scene->meshes, scene->particles};
     const size_t count[3] = {(size_t)scene->volume_count, (size_t)scene->mesh_count, (size_t)scene->particle_set_count};
@@ -14472,7 +14471,7 @@ SPSI_COLD void spsi_tmap_forget(sps_tmap *map) {
     memset(map->added.counts, 0, sizeof map->added.counts);
 }
 
-/* Builds the frame as the first face sees it; NULL on failure. */
+/* Builds the first face's frame; NULL on failure. */
 SPSI_COLD spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     sps_scene scene;
     memset(&scene, 0, sizeof scene);
@@ -14504,7 +14503,7 @@ SPSI_COLD int spsi_voxels_outside(const sps_tmap *map, const spsi_bounds *bounds
     return 0;
 }
 
-/* Reports gas beyond the depth range, which counts at its ends. */
+/* Reports gas beyond the depth range, which is added at its ends. */
 SPSI_COLD void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *frame) {
     const sps_context *context = map->context;
     const double particles = (double)context->stats.particles_outside;
@@ -14550,7 +14549,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
 
 #define SPSI_SHADOW_TABLE_PER_COMPONENT 16 /* maximum planes per component, without lists */
 
-/* Planes of a light's table for gas `texels` deep. Evenly spaced, linear planes become the table's. Other techniques
+/* Planes of a light's table for gas `texels` deep. A map's evenly spaced, linear planes are kept. Other techniques
    resolve finer detail, as far as their components allow. */
 SPSI_COLD double spsi_shadow_table_planes(const sps_tmap_settings *map, double texels) {
     const spsi_technique *table = &spsi_techniques[SPS_TMAP_TABLE];
@@ -14594,7 +14593,7 @@ static void spsi_shadow_tables_drop(sps_context *context, spsi_buffer_id id, int
     *count = 0;
 }
 
-/* Takes a cached table with equal input. */
+/* Takes a cached table of equal input. */
 SPSI_COLD void spsi_shadow_table_take(sps_context *context, spsi_shadow_table *table) {
     spsi_shadow_table *held = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     for (int i = 0; i < context->shadow_table_count && table->key && !table->is_made; ++i) {
@@ -14699,17 +14698,17 @@ SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *
 }
 
 /* ============================================================================================ >>penumbrae
-   25 Penumbrae of media. An area light is K points. Media are splatted once, along the rays of its centre; each
-   point stores only optical depth, in texels of its own rays. Depths are never resampled: no blur accumulates, and
-   successive occluders are correct. Slabs are parallel, so a point's texel u and the centre's x meet on a plane, with L
-   linear in u.
+   25 Penumbrae of media. An area light is sampled at K points. Media are splatted once, along the rays of its centre;
+   each point stores only optical depth, in texels of its own rays. Depths are never resampled: no blur accumulates, and
+   successive occluders combine correctly. Slabs are parallel, so a plane maps a point's texel u to the centre's x, with
+   L linear in u.
          x = (u + d L)/(1 + d_t L).
    d is the offset from centre to point in texels. For directional lights, L counts slabs, and d is the shift per
    slab. Planes store -log V.
          A_s(u) += sheet_k(x at k + 1/2),    V_k(x) = mean over s of exp(-A_s(u at k)).
-   Layers between planes store the fraction of V that polygons stop: -log V averages lit and dark badly. Cost: 3
-   bicubic lookups and an exponential per point, slab and occupied texel, 6 where polygons stop light. Memory: 8 bytes
-   per point and texel, 12 with polygons, and 256 per texel for layers. */
+   Layers between planes store the fraction of V that polygons stop: averages of -log V over lit and dark are
+   inaccurate. Cost: 3 bicubic lookups and an exponential per point, slab and occupied texel, 6 where polygons stop
+   light. Memory: 8 bytes per point and texel, 12 with polygons, and 256 per texel for layers. */
 
 typedef struct spsi_area {
     int x0, y0, x1, y1; /* inclusive */
@@ -14958,7 +14957,7 @@ static inline spsi_v spsi_minus_log(spsi_v x, float end) {
 
 /* --- setup --- */
 
-/* Aims rays along the centre's axes; directional ones match its texels where slabs begin. Returns 0 if media are
+/* Aims rays along the centre's axes; directional rays match its texels where slabs begin. Returns 0 if media are
    beside or behind the point, too wide or too far off-axis. */
 SPSI_COLD int spsi_beam_aim(const spsi_frame *frame, const spsi_sweep *sweep, const spsi_light *point,
                             spsi_beam *beam) {
@@ -15366,7 +15365,7 @@ SPSI_COLD void spsi_penumbra_advance(sps_context *context, spsi_penumbra *penumb
     }
 }
 
-/* True if the ray may meet media in the chunk up to `slab`. */
+/* True if the ray may cross media in the chunk up to `slab`. */
 static int spsi_beam_meets(const spsi_penumbra *penumbra, const spsi_beam *beam, const double texel[2], double slab) {
     spsi_area area = spsi_area_none();
     for (int end = 0; end < 2; ++end) {
@@ -15414,7 +15413,7 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
      dA/dx = 2h (2/3 - A),   dB/dx = A D/s - h B,   dC/dx = 2 B D/s.
    C's growth is the variance of a Gaussian kernel: 4/9 h s D^2 for small angles [Eyges 1948]. B decays at rate
    h, the limit of 1 - P[1] for Henyey-Greenstein lobes near g = 1.
-   One Gaussian lacks peak and tail: light scattered only within lobes' peaks is a separate beam. The rest is the
+   A Gaussian lacks the peak and tail: light scattered only within lobes' peaks forms a separate beam. The rest is the
    total minus that beam, which preserves moments.
    A two-stream factor scales stored light for backscattering: 1/(1 + Q), Q = 3/4 (1 - P[1]) s. Unbounded media
    transmit up to a quarter more.
@@ -15462,7 +15461,7 @@ SPSI_COLD size_t spsi_spread_floats(const spsi_spread *spread) {
 
 /* --- from sheet to sheet --- */
 
-/* State times flux: angle and slant are A and B, widths are variances yet to spread. */
+/* State variables times flux: angle and slant are A and B, widths are variances yet to spread. */
 typedef enum spsi_spread_part {
     SPSI_SPREAD_WAY,
     SPSI_SPREAD_FLUX,
@@ -15563,7 +15562,7 @@ static void spsi_spread_behind(const spsi_spread_crossing *crossing, spsi_v part
     }
 }
 
-/* Scattering within peaks; `sharp`: multiplied by their 1 - P[2]. Assumes one lobe plus isotropic: P[l] = w g^l. */
+/* Scattering optical depth of peaks; `sharp`: times their 1 - P[2]. Assumes one lobe plus isotropic: P[l] = w g^l. */
 static spsi_v spsi_spread_peak(spsi_v scattered, spsi_v turned, spsi_v back, spsi_v *sharp) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), some = spsi_max(scattered, spsi_set(FLT_MIN));
     const spsi_v p1 = spsi_max(spsi_sub(one, spsi_div(back, some)), zero);
@@ -15627,14 +15626,14 @@ static void spsi_spread_cross(const spsi_spread_light *light, const spsi_spread_
     spsi_store(light->back + at, back_behind);
 }
 
-/* Variance of all shorter steps, each half its square. */
+/* Maximum variance from all shorter steps: half of each one's square. */
 static float spsi_spread_capacity(int k) { return (float)(((double)k * k - 1) / 6); }
 
 typedef struct spsi_spread_column {
     const spsi_spread_light *light;
     int side;
     float **part;  /* a beam's */
-    int from, way; /* parts: first to move; width */
+    int from, way; /* indices of parts: first to move, and width */
     float least;   /* minimum variance to spread */
     size_t first, pitch;
     int lines;
@@ -15848,7 +15847,7 @@ static spsi_v spsi_spread_flux(const spsi_spread *spread, int channel, const sps
    27 Shadows on media and surfaces. Media cast shadows through sheets, filled chunk by chunk, or a transmittance map.
    Plane k holds the optical depth between the light and slab k. Light propagates from slab to slab, tile by tile, since
    hard light never leaves its ray. Lookups work within the current chunk. Polygons shade media by a depth map and each
-   other by rays; points behind an opaque polygon are dark whatever the planes hold. Penumbrae propagate beam by beam,
+   other by rays; points behind an opaque polygon are dark whatever the planes store. Penumbrae propagate beam by beam,
    >>penumbrae. Memory: 68 bytes per texel of the planes. */
 
 typedef struct spsi_planes {
@@ -15934,7 +15933,7 @@ typedef struct spsi_sliced {
 } spsi_sliced;
 
 typedef enum spsi_shadow_kind {
-    SPSI_SHADOW_NONE, /* media cast none */
+    SPSI_SHADOW_NONE, /* media cast no shadows */
     SPSI_SHADOW_SHEETS,
     SPSI_SHADOW_TABLE
 } spsi_shadow_kind;
@@ -15962,7 +15961,7 @@ SPSI_COLD sps_result spsi_planes_build(sps_context *context, const spsi_frame *f
     planes->tiles_x = spsi_tile_columns(rays);
     planes->tiles_y = spsi_tile_rows(rays);
     const size_t tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
-    /* a tile's flags take less than a texel's planes */
+    /* a tile's flags need less memory than a texel's planes */
     planes->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_PLANES, texels + tiles, SPSI_PLANES_TEXEL_BYTES);
     if (!planes->open) return context->result;
     float *memory = (float *)(void *)(planes->open + tiles);
@@ -16114,8 +16113,8 @@ static spsi_v spsi_sliced_hidden(const spsi_sliced *sliced, const spsi_v at[3], 
     return spsi_planes_find(&sliced->planes, sliced->penumbra.hidden, k, q);
 }
 
-/* Interpolates between planes. Mostly, all points are in one slab; where the eye sees no media, a whole chunk is shaded
-   together. */
+/* Interpolates between planes. Usually, all points are in one slab; where the eye sees no media, a whole chunk is
+   shaded together. */
 static spsi_v spsi_planes_lookup(const spsi_planes *planes, const spsi_v q[2], spsi_v slab) {
     const spsi_v k = spsi_min(spsi_floor(slab), spsi_set(SPSI_CHUNK - 1));
     const spsi_v before = spsi_planes_find(planes, planes->depth[0], k, q);
@@ -16187,7 +16186,7 @@ SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, 
 }
 
 /* Upper bound on a frame's bytes without tables, with all voxels stored, from the figures at the top of this file.
-   Tables must not exceed the memory limit. Caches and region do not count: a scene always renders alike. */
+   Tables must not exceed the memory limit. Caches and region are ignored: a scene always renders identically. */
 SPSI_COLD double spsi_bytes_without_tables(const sps_context *context, const spsi_frame *frame,
                                            const spsi_sweep *sheets) {
     const double pixels = (double)(frame->eye.width + SPSI_TILE_WIDTH) * (frame->eye.height + SPSI_TILE_HEIGHT);
@@ -16209,7 +16208,7 @@ SPSI_COLD void spsi_light_choose_table(spsi_light *light, int table, spsi_choice
     light->tables = 0;
 }
 
-/* True if slabs for the eye and light serve all points. */
+/* True if slabs suit the eye and all the light's points. */
 static int spsi_beams_serve(const spsi_frame *frame, spsi_sweep *sweep) {
     spsi_beam beam;
     int i = 0;
@@ -16244,7 +16243,7 @@ static void spsi_light_table_count(const sps_context *context, const spsi_frame 
     if (light->tables > 1) *room -= sum;
 }
 
-/* Gives a table to lights that no slabs serve, several to area lights. */
+/* Gives lights without valid slabs a table, area lights several. */
 SPSI_COLD void spsi_choose_for_unserved(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                         double *room, spsi_light *light) {
     const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_EVEN;
@@ -16255,8 +16254,9 @@ SPSI_COLD void spsi_choose_for_unserved(const sps_context *context, const spsi_f
     if (light->tables > 1) light->choice = SPSI_CHOICE_TABLES;
 }
 
-/* Chooses where the caller has not. `others`: 1 if an earlier light has sheets; `room`: bytes left for tables. `plain`:
-   media's bounds without levels' padding, to judge a table's detail, lest shadows jump where a level fades in. */
+/* Chooses unless the caller has. `others`: 1 if an earlier light has sheets; `room`: bytes left for tables. `plain`:
+   media's bounds without levels' padding, to judge a table's detail, lest shadows change abruptly where a level fades
+   in. */
 SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *frame, const spsi_bounds *plain,
                                      int others, double *room, spsi_light *light) {
     const spsi_bounds all = frame->content->bounds;
@@ -16265,7 +16265,7 @@ SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *fra
     spsi_sweep_clear(frame, light, 0, &sweep);
     light->choice = SPSI_CHOICE_SHEETS;
     int serves = spsi_sweep_aim(frame, &sweep) && (!sweep.soft || spsi_beams_serve(frame, &sweep));
-    if (spsi_eye_is_wide(frame) && !others && !light->extent.exists) /* dividing the image is better */
+    if (spsi_eye_is_wide(frame) && !others && !light->extent.exists) /* splitting the image is better */
         serves &= sweep.cosine_of_eye >= SPSI_COSINE_EVEN;
     if (!serves) {
         spsi_choose_for_unserved(context, frame, &sweep, room, light);
@@ -16349,7 +16349,8 @@ static void spsi_lights_split(spsi_lights *lights) {
     spsi_lights_list(lights, count > lights->whole_count ? list : lights->whole, count);
 }
 
-/* Uses volumes' boxes and known particles. Without particles, the choice is the same before and after reading gas. */
+/* Considers volumes' boxes and known particles. Without particles, the choice is the same before and after reading
+   gas. */
 SPSI_COLD void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
     spsi_content *content = frame->content;
     const spsi_bounds tight = content->bounds;
@@ -16406,8 +16407,8 @@ SPSI_COLD sps_result spsi_depth_maps_build(sps_context *context, const spsi_fram
     return SPS_OK;
 }
 
-/* Aims one map per point of a soft light; they split one map's texels. Returns the number of floats (memory NULL: only
-   counts). */
+/* Aims one map per point of a soft light; together they have one map's texels. Returns the number of floats (memory
+   NULL: only counts). */
 SPSI_COLD size_t spsi_translucency_maps_aim(const spsi_frame *frame, spsi_shadow *shadows, int count,
                                             spsi_translucency_map *next, float *memory) {
     size_t floats = 0;
@@ -16546,10 +16547,10 @@ SPSI_COLD void spsi_shadow_tables_release(sps_context *context, const spsi_shado
    Isotropic light leaves at the sides, so d[0] is divided by 1 + 0.06 (1+c)^2 (1 - P[1]) t. This fits random walks in
    clouds, and is omitted with >>spreading and >>cells. X is clamped to -p e^-t. Tables are over u = t/(t + 4) and s,
    the angle being pi s^2.
-   X falls as 1/t or 1/t^2, so lights, rays and X end at a depth of 64. From the last node before 64, at 41, X falls
+   X falls as 1/t or 1/t^2, so lights, rays and X are cut off at depth 64. From the last node before 64, at 41, X falls
    linearly in u to 0. At 64, X is at most 0.0013 for asymmetries up to 0.95, 0.0086 for 0.99; isotropic p is 0.08. A
-   layer that deep loses radiance 0.02 for 0.8, 0.55 for 0.99, at irradiance 1. Cost: ln 100 / ln(1/g) terms per entry,
-   and two or three lookups per subslab, light and medium. */
+   layer that deep loses radiance 0.02 at asymmetry 0.8, 0.55 at 0.99, for irradiance 1. Cost: ln 100 / ln(1/g) terms
+   per entry, and two or three lookups per subslab, light and medium. */
 
 #define SPSI_FORWARD_ORDERS 460 /* the last moment's square is 1e-4 at the maximum asymmetry, 0.99 */
 
@@ -16701,7 +16702,8 @@ static inline spsi_v spsi_arccosine(spsi_v c) {
 }
 
 /* Gauss-Legendre quadrature in u, where X is smooth. With v = 1 - u, weights are multiplied by v0 v1 / v^2, which is 1
-   at t0 = t1. Two nodes err by 1 % up to optical depth 2; beyond, three mostly err by 3 %. Nodes lie before X ends. */
+   at t0 = t1. Two nodes err by 1 % up to optical depth 2; beyond, three mostly err by 3 %. Nodes lie before X's
+   cutoff. */
 static void spsi_forward_part_build(spsi_v cosine, spsi_v start, spsi_v end, spsi_forward_part *part) {
     static const float nodes[2][3] = {{0.21132487f, 0.78867513f, 0}, {0.11270167f, 0.5f, 0.88729833f}};
     static const float shares[2][3] = {{0.5f, 0.5f, 0}, {5.0f / 18, 8.0f / 18, 5.0f / 18}};
@@ -16750,19 +16752,19 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
 /* ================================================================================================ >>cells
    29 Multiple scattering: discrete ordinates on a grid of cubic cells around the media. 50 directions integrate
    polynomials of degree 11 over the sphere [Lebedev 1976]. 26 lead to neighbours. 24 slanted ones, of slope 3:1:1,
-   interpolate between four upwind cells. A step of optical depth t through a cell of source s conserves energy.
+   interpolate between four upwind cells. A step of optical depth t through a cell of source s conserves energy:
      out = s + (in - s) e^-t,   mean = s + (in - s) (1 - e^-t)/t.
    Moments M are means of radiance times real spherical harmonics Y of degree l < orders (1, 2 or 4). S is the source.
      S[lm] = w' r[l] M[lm] + given[lm],   s(direction) = sum of S[lm] Y[lm].
    Delta-M scaling treats the forward peak f = P[orders] as transmitted [Wiscombe 1977]. Extinction scales by k = 1 -
    w f. Albedo w becomes w' = w (1-f)/k, phase moments P[l] become r[l] = (P[l]-f)/(1-f).
-   A sweep adds one scattering event, so multigrid corrects smooth errors. Cost: 50 steps per cell, sweep and moment;
+   A sweep adds only one scattering event; multigrid corrects smooth errors. Cost: 50 steps per cell, sweep and moment;
    3 or 4 sweeps of the finest level, 5 to 8 near polygons.
-   Opaque polygons close links between cells whose centres they separate. Closed links carry only polygons' light. */
+   Opaque polygons close links between cells whose centres they separate; closed links carry only their light. */
 
 #define SPSI_CELL_DIRECTIONS 50
 #define SPSI_CELL_STRAIGHT   26 /* directions to neighbours */
-#define SPSI_CELL_LENGTHS    4  /* step lengths in edges: 1, sqrt 2, sqrt 3; slanted: sqrt 11 / 3 */
+#define SPSI_CELL_LENGTHS    4  /* step lengths in edges: 1, sqrt 2, sqrt 3; slanted: sqrt(11)/3 */
 #define SPSI_CELL_ORDERS     4  /* maximum: degrees 0 to 3 */
 #define SPSI_CELL_TERMS      16
 #define SPSI_CELL_LEVELS     9  /* 256 cells per axis, halved down to one */
@@ -16775,7 +16777,7 @@ typedef struct spsi_cell_direction {
     int length;   /* index of the step length */
     int beside_count, beside[4][3], link[4]; /* interpolated cells: steps and links */
     int follows;        /* 1: beside[0] is in the same row */
-    uint32_t links;     /* mask of the other links */
+    uint32_t links;     /* mask of links to other rows */
     float share[4];     /* weights of these cells */
     float weight; /* quadrature weight; the sum is 1 */
     float harmonic[SPSI_CELL_TERMS];
@@ -16807,16 +16809,16 @@ typedef struct spsi_cell_level {
     uint32_t *closed;                  /* per cell: bit i closes the link of step i; NULL: all are open */
 } spsi_cell_level;
 
-/* Floats per row: lookups read two columns. */
+/* Floats per row, at least 2: lookups read two columns. */
 static int spsi_cell_pitch(int cells) { return spsi_imax(2, (cells + SPSI_LANES - 1) / SPSI_LANES * SPSI_LANES); }
 
-/* At strides of 4096 bytes, a cell's entries in all arrays would share a cache set. Five more lines separate them. */
+/* At strides of 4096 bytes, a cell's entries in all arrays would share a cache set. Five extra lines separate them. */
 SPSI_COLD size_t spsi_cell_stride(size_t cells) {
     return cells < 4096 ? cells : cells + (1024 + 80 - cells % 1024) % 1024;
 }
 
-/* Rays: directions (two tangential components, one outward), flux weights, harmonics and their least-squares
-   weights. */
+/* Rays: directions (two tangential components, one outward), flux weights, harmonics and weights of their least-squares
+   fit. */
 typedef struct spsi_cell_rays {
     float out[3][SPSI_CELL_RAYS], weight[SPSI_CELL_RAYS];
     float harmonic[SPSI_CELL_RAYS][SPSI_CELL_TERMS], fit[SPSI_CELL_RAYS][SPSI_CELL_TERMS];
@@ -16828,7 +16830,7 @@ typedef struct spsi_cell_solver {
     int orders, terms, level_count;
     spsi_cell_level levels[SPSI_CELL_LEVELS];
     float *scratch;  /* radiance of rows and planes */
-    double *balance; /* per plane of cells: absolute residual and source */
+    double *balance; /* per plane of cells: sums of |residual| and |source| */
     spsi_cell_rays rays;
     int walled;          /* 1: some links are closed */
     int set_count;
@@ -16837,9 +16839,9 @@ typedef struct spsi_cell_solver {
 
 static int spsi_cell_link(int x, int y, int z) { return x + 1 + 3 * (y + 1) + 9 * (z + 1); }
 
-#define SPSI_CELL_ROW_CLOSED ((uint32_t)1 << 13) /* link of a row's first cell to itself: the row has closed links */
+#define SPSI_CELL_ROW_CLOSED ((uint32_t)1 << 13) /* self-link of a row's first cell: the row has closed links */
 
-/* Real spherical harmonics of mean square 1; degree l has terms l^2 to (l + 1)^2 - 1. `terms` is 1, 4 or all. */
+/* Real spherical harmonics of mean square 1; degree l has terms l^2 to (l+1)^2-1. `terms` is 1, 4 or all. */
 static inline void spsi_harmonics_v(const spsi_v v[3], int terms, spsi_v out[SPSI_CELL_TERMS]) {
     const spsi_v x = v[0], y = v[1], z = v[2], xx = spsi_mul(x, x), yy = spsi_mul(y, y), zz = spsi_mul(z, z);
     const spsi_v five = spsi_fma(zz, spsi_set(5), spsi_set(-1)), apart = spsi_sub(xx, yy), xy = spsi_mul(x, y);
@@ -16898,7 +16900,7 @@ SPSI_COLD void spsi_cell_direction_build(int x, int y, int z, int axis, spsi_cel
     spsi_basis(direction->back, direction->across[0], direction->across[1]);
 }
 
-/* Directions to neighbours, then slanted ones, each by ascending z. */
+/* Directions to neighbours, then slanted ones, both by ascending z. */
 SPSI_COLD void spsi_cell_directions(spsi_cell_direction directions[SPSI_CELL_DIRECTIONS]) {
     spsi_cell_direction *next = directions;
     for (int i = 0; i < 27; ++i)
@@ -16911,7 +16913,7 @@ SPSI_COLD void spsi_cell_directions(spsi_cell_direction directions[SPSI_CELL_DIR
     }
 }
 
-/* Links end slightly off cell centres: polygons often lie in planes through these. */
+/* Links end slightly off cell centres: polygons often lie in planes of centres. */
 static void spsi_cell_centre(const spsi_cell_grid *grid, int x, int y, int z, double centre[3]) {
     static const double off[3] = {0.5 + 0.0113, 0.5 + 0.0171, 0.5 + 0.0139};
     const int at[3] = {x, y, z};
@@ -16923,12 +16925,12 @@ static void spsi_cell_centre(const spsi_cell_grid *grid, int x, int y, int z, do
 #define SPSI_CELL_PAD   spsi_imax(2, SPSI_LANES) /* floats between rows, for the radiance at both ends */
 #define SPSI_CELL_SWEPT 26                       /* maximum directions of one sweep */
 
-/* A sweep up or down z: directions of that sense, and 3 or 5 of the 8 within planes. */
+/* A sweep along +z or -z: directions of that sense, and 3 or 5 of the 8 with constant z. */
 typedef struct spsi_cell_sweep {
     const spsi_cell_level *level;
     const spsi_cell_direction *directions[SPSI_CELL_SWEPT];
-    int count, rising; /* rising: leading directions whose rows may be swept by ascending y */
-    float *planes;     /* radiance that leaves the cells: two planes per direction */
+    int count, rising; /* rising: count of leading directions, swept by ascending y */
+    float *planes;     /* radiance leaving the cells; two planes per direction */
     float *rows;       /* scratch: inflow per direction; two rows of sources */
 } spsi_cell_sweep;
 
@@ -16970,7 +16972,7 @@ static float *spsi_cell_sweep_row(const spsi_cell_sweep *sweep, int i, int y, in
            (size_t)(plane * (sweep->level->size[1] + 2) + y + 1) * spsi_cell_row_floats(sweep->level);
 }
 
-/* Sets the radiance entering at a row's end, from polygons beyond the grid next to its end cell. */
+/* Sets the radiance that enters a row's end cell from polygons outside the grid. */
 static inline void spsi_cell_row_end(const spsi_cell_sweep *sweep, int i, size_t row, float *to) {
     const spsi_cell_level *level = sweep->level;
     const int ahead = sweep->directions[i]->step[0] > 0, size = level->size[0];
@@ -16997,7 +16999,7 @@ static const uint32_t *spsi_cell_row_closed(const spsi_cell_level *level, size_t
     return level->closed && (level->closed[row] & SPSI_CELL_ROW_CLOSED) ? level->closed + row : NULL;
 }
 
-/* Inflow, except along x: an upwind row, or `own`. */
+/* Returns a row's inflow, except along x: an upwind row, or `own`. */
 static const float *spsi_cell_row_enters(const spsi_cell_sweep *sweep, int i, int y, int z, float *own) {
     const spsi_cell_level *level = sweep->level;
     const spsi_cell_direction *direction = sweep->directions[i];
@@ -17026,8 +17028,8 @@ static const float *spsi_cell_row_enters(const spsi_cell_sweep *sweep, int i, in
     return own;
 }
 
-/* Adds weighted outflow of previous cells to inflow, in both senses of x: pairing hides half of the recurrence's
-   latency. */
+/* Adds each previous cell's weighted outflow to the inflow, for two directions of opposite x at once: this hides half
+   the recurrence's latency. */
 static void spsi_cell_rows_follow(const spsi_cell_sweep *sweep, int pair, int y, int z, float *const in[2]) {
     const spsi_cell_level *level = sweep->level;
     const spsi_cell_direction *const *direction = &sweep->directions[pair];
@@ -17057,7 +17059,7 @@ static void spsi_cell_rows_follow(const spsi_cell_sweep *sweep, int pair, int y,
         }
 }
 
-/* Sweeps a row. The first directions reset the moments. */
+/* Sweeps a row. The first directions overwrite the moments. */
 static inline void spsi_cell_row_of(const spsi_cell_beams *beams, size_t row, float *moments, int terms) {
     const spsi_cell_level *level = beams->sweep->level;
     for (size_t at = row; at < row + (size_t)level->pitch; at += SPSI_LANES) {
@@ -17131,7 +17133,7 @@ static void spsi_cells_sweep_task(void *data, int index) {
     for (int n = 0; n < planes; ++n) spsi_cell_sweep_plane(&sweep, index, index ? n : planes - 1 - n);
 }
 
-/* Adds up both sweeps' moments in a plane. */
+/* Sums both sweeps' moments in a plane. */
 static void spsi_cells_add_task(void *data, int z) {
     const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t plane = (size_t)(level->size[1] * level->pitch);
@@ -17150,7 +17152,7 @@ SPSI_COLD void spsi_cells_sweep(spsi_cell_level *level) {
 
 /* --- the equations --- */
 
-/* 1 - `keep` times the weight of a cell's source in its own mean radiance, 1 - (1 - e^-t)/t. */
+/* 1 - `keep` times the weight of a cell's source in its own mean radiance, the mean of 1 - (1-e^-t)/t. */
 static inline spsi_v spsi_relaxation_divisor(const spsi_cell_level *level, const float *keep, size_t at) {
     static const float share[SPSI_CELL_LENGTHS] = {24.0f / 315, 768.0f / 2835, 216.0f / 1280, 351384.0f / 725760};
     spsi_v own = spsi_set(0);
@@ -17159,7 +17161,7 @@ static inline spsi_v spsi_relaxation_divisor(const spsi_cell_level *level, const
     return spsi_max(spsi_sub(spsi_set(1), spsi_mul(spsi_load(keep + at), own)), spsi_set(1e-6f));
 }
 
-/* A plane's residuals, in moments[1], and balance. */
+/* Computes a plane's residuals (moments[1]) and balance. */
 static void spsi_cells_residual_task(void *data, int z) {
     const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
@@ -17243,7 +17245,7 @@ static inline float spsi_cell_rows_at(const float *const row[4], int x, int size
     return (3 * here + next) * (1.0f / 64);
 }
 
-/* Prolongs the coarse source and its scattered moments, then relaxes the rest: a Jacobi step. */
+/* Adds the prolonged coarse source and its scattered moments. A Jacobi step relaxes the remaining residual. */
 static void spsi_cells_correct_task(void *data, int z) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
@@ -17283,7 +17285,7 @@ static void spsi_cells_paths_task(void *data, int z) {
 #define SPSI_CELL_CYCLES  8    /* maximum */
 #define SPSI_CELL_REPEATS 4    /* sweeps of the coarsest level, at most 4 cells wide */
 
-/* Residual over source. */
+/* Total residual over total source. */
 SPSI_COLD double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_cell_level *level) {
     double missing = 0, sent = 0;
     for (int z = 0; z < level->size[2]; ++z) {
@@ -17359,7 +17361,7 @@ typedef struct spsi_cell_viewer {
     spsi_cell_grid *grid;
 } spsi_cell_viewer;
 
-/* Lookups also read cells behind the eye. They count as half an edge in front: the direction is never 0. */
+/* Lookups also read cells behind the eye. These are treated as half an edge in front, so the direction is never 0. */
 static void spsi_cell_toward_eye(const spsi_cell_viewer *look, int x, int y, int z, double toward[3],
                                  float harmonic[SPSI_CELL_TERMS]) {
     const spsi_rays *eye = &look->frame->content->eye;
@@ -17373,8 +17375,8 @@ static void spsi_cell_toward_eye(const spsi_cell_viewer *look, int x, int y, int
     spsi_harmonics(toward, harmonic);
 }
 
-/* First-flight radiance that a material scatters towards the eye. A lobe of asymmetry g turns mean cosine b into b g.
-   Trapped emission is isotropic. */
+/* First-flight radiance that a material scatters towards the eye. A lobe of asymmetry g scatters light of mean cosine b
+   with asymmetry b g. Trapped emission is isotropic. */
 static float spsi_cell_flown(const spsi_cell_viewer *look, int m, const double toward[3], int c, size_t at) {
     const spsi_cell_grid *grid = look->grid;
     const spsi_material *material = &look->frame->matter.materials[m];
@@ -17396,7 +17398,7 @@ static float spsi_cell_flown(const spsi_cell_viewer *look, int m, const double t
     return (float)sum * (flown[0] - trapped[(size_t)grid->channels * grid->count]) + *trapped;
 }
 
-/* Radiance towards the eye per scattering optical depth of each material; 0 in empty cells. */
+/* Radiance towards the eye per material and unit of scattering optical depth; 0 in empty cells. */
 static void spsi_cells_viewer_task(void *data, int row) {
     const spsi_cell_viewer *look = (const spsi_cell_viewer *)data;
     const spsi_cell_grid *grid = look->grid;
@@ -17422,7 +17424,7 @@ static void spsi_cells_viewer_task(void *data, int row) {
     }
 }
 
-/* Mean of face neighbours' linear extrapolations; else of edge and corner neighbours; else 0. */
+/* Mean of linear extrapolations from face neighbours; else mean of edge and corner neighbours; else 0. */
 static float spsi_cells_extrapolated(const spsi_cell_grid *grid, const float *seen, const int at[3]) {
     const int *size = grid->size;
     const size_t pitch = (size_t)grid->pitch, here = (size_t)(at[2] * size[1] + at[1]) * pitch + (size_t)at[0];
@@ -17444,7 +17446,7 @@ static float spsi_cells_extrapolated(const spsi_cell_grid *grid, const float *se
     return count[0] > 0 ? sum[0] / (float)count[0] : count[1] > 0 ? sum[1] / (float)count[1] : 0;
 }
 
-/* Fills empty cells: radiance has a kink at a medium's boundary, and lookups interpolate across it. */
+/* Fills empty cells: lookups interpolate across a medium's boundary, where radiance has a kink. */
 static void spsi_cells_extrapolate_task(void *data, int row) {
     const spsi_cell_viewer *look = (const spsi_cell_viewer *)data;
     const spsi_cell_grid *grid = look->grid;
@@ -17461,14 +17463,15 @@ static void spsi_cells_extrapolate_task(void *data, int row) {
 
 /* --- irradiance on polygons --- */
 
-#define SPSI_CELL_PATCHES 8 /* patches along an edge of a side */
+#define SPSI_CELL_PATCHES 8 /* patches along each side's edge */
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
-/* Patch order: side (x, y, z; lower first), its higher axis, its lower. */
+/* Patch order: by side (x, y, z; lower first), then its higher axis, then its lower. */
 #define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
 #define SPSI_CELL_AIM 0.6f /* outgoing light originates at this fraction of its path */
 #define SPSI_CELL_PLACES 6 /* floats of geometry: centre relative to the grid's corner, area, widths */
 
-/* Geometry; flux and harmonics per channel; then both for single scattering, per light and phase function. */
+/* Floats of all patches: geometry; flux and harmonics per channel; both for single scattering, per light and phase
+   function. */
 SPSI_COLD size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
     const int sets = 1 + grid->light_count * grid->peak_count;
     return (size_t)((SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * sets * grid->channels) * SPSI_CELL_SHEET);
@@ -17512,7 +17515,7 @@ static void spsi_cell_rays_build(spsi_cell_rays *rays) {
             for (int k = 0; k < SPSI_CELL_TERMS; ++k) matrix[i][k] += fit[i][n] * (double)harmonic[k];
         }
     }
-    for (int i = 0; i < SPSI_CELL_TERMS; ++i) /* Gauss-Jordan without pivoting: positive definite */
+    for (int i = 0; i < SPSI_CELL_TERMS; ++i) /* Gauss-Jordan; no pivoting: the matrix is positive definite */
         for (int k = 0; k < SPSI_CELL_TERMS; ++k) {
             const double share = k == i ? 1 - 1 / matrix[i][i] : matrix[k][i] / matrix[i][i];
             for (int m = 0; m < SPSI_CELL_TERMS; ++m) matrix[k][m] -= share * matrix[i][m];
@@ -17525,7 +17528,7 @@ static void spsi_cell_rays_build(spsi_cell_rays *rays) {
 /* Approximate opacity of a uniform medium. */
 static inline spsi_v spsi_cell_shape(spsi_v depth) { return spsi_div(depth, spsi_add(depth, spsi_set(1))); }
 
-/* Distance through the grid from a point on its sides, in lengths of `way`. */
+/* Distance through the grid from a point on its sides, in units of |way|. */
 static inline spsi_v spsi_cell_path_transmittance(const double extent[3], const spsi_v from[3], const spsi_v way[3]) {
     spsi_v length = spsi_set(1e30f);
     for (int k = 0; k < 3; ++k) {
@@ -17536,8 +17539,8 @@ static inline spsi_v spsi_cell_path_transmittance(const double extent[3], const 
     return length;
 }
 
-/* Irradiance from a cell's moments; `harmonic`: opposite to the normal. Degrees 0 to 2 have weights pi, 2pi/3, pi/4. A
-   missing degree 2 is that of a uniform cone of mean cosine f, f (2f - 1): 0 for a hemisphere. */
+/* Irradiance from a cell's moments; `harmonic`: for the reversed normal. Degrees 0 to 2 have weights pi, 2pi/3, pi/4. A
+   missing degree 2 is taken from a uniform cone of mean cosine f: f (2f-1), 0 for a hemisphere. */
 static double spsi_cell_irradiance(const spsi_cell_grid *grid, const float *flux, const float harmonic[]) {
     static const double degree[3] = {SPSI_PI, 2 * SPSI_PI / 3, SPSI_PI / 4};
     double sum = 0, square = DBL_MIN, toward = 0, mean;
@@ -17551,7 +17554,7 @@ static double spsi_cell_irradiance(const spsi_cell_grid *grid, const float *flux
     return sum + 0.625 * SPSI_PI * (double)flux[0] * mean * spsi_dmax(2 * mean - 1, 0) * (toward * toward / square - 1);
 }
 
-/* Irradiance within the grid, interpolated half a cell in front of the polygon, between cells in front. */
+/* Irradiance within the grid, interpolated half a cell in front of the polygon, without cells behind it. */
 static double spsi_cells_irradiance_within(const spsi_cell_grid *grid, int channel, const double point[3],
                                            const double normal[3]) {
     const float *flux = grid->flux + (size_t)(channel * grid->flux_terms) * grid->count;
@@ -17588,7 +17591,7 @@ typedef struct spsi_cell_visibility {
     int face;
 } spsi_cell_visibility;
 
-/* Mask of sides that face a surface and may be occluded. */
+/* Mask of the grid's sides that face a surface and may be occluded. */
 static int spsi_cell_visibility_near(const spsi_cell_visibility *visibility) {
     const spsi_cell_grid *grid = visibility->grid;
     const double *point = visibility->surface->point, *start = visibility->surface->start;
@@ -17609,7 +17612,7 @@ static int spsi_cell_visibility_near(const spsi_cell_visibility *visibility) {
     return near_sides;
 }
 
-/* Rays end beside the outermost cells' centres: links handle occlusion beyond. Staggered ends meet shadow edges
+/* Rays end just past the outermost cells' centres: links handle occlusion beyond. Staggered ends cross shadow edges
    parallel to a side one by one. */
 static void spsi_cell_visibility_ray(const spsi_cell_visibility *visibility, int patch, int number, double toward[3]) {
     static const int reversed[SPSI_CELL_PATCHES] = {0, 4, 2, 6, 1, 5, 3, 7};
@@ -17628,7 +17631,7 @@ static void spsi_cell_visibility_ray(const spsi_cell_visibility *visibility, int
     }
 }
 
-/* Returns the occluded patches of the mask. */
+/* Returns the mask of occluded patches. */
 static uint64_t spsi_cell_visibility_trace(const spsi_cell_visibility *visibility, int side, uint64_t patches,
                                            int number) {
     uint64_t hidden = 0;
@@ -17663,8 +17666,8 @@ static uint64_t spsi_cell_patches_about(uint64_t patches) {
     return row | row << SPSI_CELL_PATCHES | row >> SPSI_CELL_PATCHES;
 }
 
-/* Visible fractions: one ray per patch, four at shadow edges. Returns 0 if all are 1. Equal ray ends for all surfaces
-   give fine steps, not noise. */
+/* Visible fractions: one ray per patch, four at shadow edges. Returns 0 if all are 1. All surfaces use the same ray
+   ends: fine steps instead of noise. */
 static int spsi_cells_visibility(const spsi_cell_visibility *visibility, float open[SPSI_CELL_SHEET]) {
     const int near_sides = spsi_cell_visibility_near(visibility);
     int some = 0;
@@ -17699,9 +17702,9 @@ static spsi_v spsi_cell_patches_sum(const float *terms, const spsi_v harmonic[SP
 }
 
 /* Phase function relative to isotropic; for a nearby light, the mean at two points, weighted by irradiance. Delta-M
-   counts the peak twice: as transmitted, and in phase[1], the lobe's core. The core's fraction is f (1-g^2)^2/(1+g^2)
-   times the lobe. It is scaled by the mean of exp(-(1/k - 1) t) on a path of scaled depth t. Lobes sharper than g =
-   0.85 would reveal parts. */
+   counts the peak twice: as transmitted, and in the lobe's core, phase[1]. The core's fraction of the lobe is f
+   (1-g^2)^2/(1+g^2) times the lobe. The caller scales it by the mean of exp(-(1/k-1) t) on a path of scaled depth t.
+   Lobes sharper than g = 0.85 would reveal patch parts. */
 static void spsi_cell_patches_phase(const spsi_cell_grid *grid, const spsi_cell_light *light,
                                     const spsi_material *material, const spsi_v place[3], const spsi_v ahead[3],
                                     spsi_v through, spsi_v phase[2]) {
@@ -17730,8 +17733,8 @@ static void spsi_cell_patches_phase(const spsi_cell_grid *grid, const spsi_cell_
     for (int i = 0; i < 2; ++i) phase[i] = spsi_div(phase[i], all);
 }
 
-/* Adds irradiance from patch parts, `off` from the patch's centre. Second-order form factors of discs: cosine u
-   area/(pi distance^2 + area (3u^2 - 2)); u: cosine at the side. Nearby, (3u^2 - 2) tends to 1. Light originates at
+/* Adds irradiance from patch parts, `off` from the patch's centre. Form factors of discs, to second order: cosine u
+   area/(pi distance^2 + area (3u^2-2)); u is the cosine at the side. Nearby, (3u^2-2) tends to 1. Light originates at
    SPSI_CELL_AIM of its path, not on the side: bright regions stay in place. */
 static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *sent, const spsi_v way[3],
                                    const spsi_v off[2], spsi_v area, spsi_v sums[3]) {
@@ -17810,7 +17813,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
             square += off > 0 ? off * off : 0;
             nearest = spsi_dmax(nearest, 0.18 * from.extent[from.along[k]] / to->parts);
         }
-        for (int k = 0; k < 2; ++k) /* keep at least a part's width in front */
+        for (int k = 0; k < 2; ++k) /* stay at least a part's width in front */
             nearest += spsi_dmin(spsi_dmin(at[from.along[k]], from.extent[from.along[k]] - at[from.along[k]]), 0);
         at[axis] = end + outward * spsi_dmax(beyond, nearest);
         square += (at[axis] - end) * (at[axis] - end);
@@ -17836,7 +17839,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
         }
     }
     SPSI_ROLLED for (int c = 0; c < count; ++c) seen += irradiance[c] = spsi_total(all[c]);
-    sum = spsi_total(whole); /* both negative where the medium removes ambient light */
+    sum = spsi_total(whole); /* both may be negative */
     return fabs(sum) > 0 ? spsi_dmax(0, spsi_dmin(seen / sum, 1)) : 1;
 }
 
@@ -17850,7 +17853,7 @@ static double spsi_cells_distance(const spsi_cell_grid *grid, const double point
     return sqrt(square);
 }
 
-/* Weight of patches: within a sixth of a patch's width, they fade to the cells' moments. */
+/* Weight of patches: within a sixth of a patch's width, they fade into the cells' moments. */
 static double spsi_cells_outside(const spsi_cell_grid *grid, const double point[3]) {
     const int longest = spsi_imax(grid->size[0], spsi_imax(grid->size[1], grid->size[2]));
     return spsi_dmin(6 * SPSI_CELL_PATCHES * spsi_cells_distance(grid, point) / (grid->edge * longest), 1);
@@ -17902,18 +17905,18 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
    30 First flights: unscattered light from small, bright sources, which sweeps in few directions would draw as stars.
    Emitters form a tree. A receiver opens nodes until each subtends a small angle, and sums I E(direction) T(path) /
    distance^2. I is radiance times area. T is transmittance, marched through mip levels of the cells' extinction. E, the
-   escape from a node's own medium, is marched when the tree is built. Cells then solve for scattering of this
+   fraction that escapes a node's own medium, is marched when the tree is built. Cells then solve for scattering of this
    first-collision source. Cost: about 10 nodes of 10 to 30 steps per vector of cells, plus a few rays per polygon
    point. [Lathrop 1968] */
 
 #define SPSI_EMITTERS_MOST 32768 /* maximum emitting voxels; beyond, blocks of 2^3, 4^3 or 8^3 merge */
 #define SPSI_EMITTERS_EACH 4096  /* maximum emitting particles of a set; beyond, they merge per block of cells */
-#define SPSI_EMITTER_BLOCKS 26   /* maximum along a grid's edge: block sums fit in that many particles' nodes */
+#define SPSI_EMITTER_BLOCKS 26   /* maximum along a grid's edge: sums fit in SPSI_EMITTERS_EACH particles' nodes */
 #define SPSI_FLIGHT_NODES  64    /* maximum per tree and receiver */
-#define SPSI_FLIGHT_BLOCK  4     /* edge in cells of cubes with one list of nodes */
+#define SPSI_FLIGHT_BLOCK  4     /* edge of cubes with one common node list, in cells */
 #define SPSI_FLIGHT_STEP   0.15f /* step relative to the nearer end's distance; at least a cell's edge */
 
-/* True if a light's cone may be too narrow for cells: up to 0.8 radians, close to a polygon. */
+/* True if a light's cone may be too narrow for cells: half-angle up to 0.8 radians, close to a polygon. */
 static int spsi_light_has_beam(const spsi_light *light) {
     return light->is_point && light->cone.exists && !light->extent.exists && light->cone.none < 0.3;
 }
@@ -17939,7 +17942,7 @@ static size_t spsi_emitting_cells(const spsi_frame *frame) {
 
 /* --- emitters --- */
 
-/* Finds the cell at a point, or the nearest. Returns 0 outside. */
+/* Finds the cell at a point, or the nearest. Returns 0 outside the grid. */
 static int spsi_cell_containing(const spsi_cell_grid *grid, const double point[3], size_t *at) {
     int inside = 1;
     *at = 0;
@@ -17968,15 +17971,15 @@ static float spsi_emitter_reach(const spsi_emitter *emitter) {
     return emitter->clear > 0 ? emitter->clear : 0.75f * emitter->radius + emitter->ahead;
 }
 
-/* Distance u to a sphere's centre minus the mean path to its points (weight 1 / length^2), in radii. That path is 1/2
-   within, 2/3 at the rim. */
+/* Distance u to a sphere's centre minus the mean path to its points (weight 1/length^2), in radii. That path is 1/2
+   inside, 2/3 at the rim. */
 static spsi_v spsi_sphere_nearer(spsi_v u) {
     const spsi_v part = spsi_div(spsi_set(1), u), third = spsi_set(2.0f / 15), fifth = spsi_set(0.2f);
     return spsi_min(spsi_mul(part, spsi_fma(spsi_mul(part, part), third, fifth)), spsi_add(u, spsi_set(-0.5f)));
 }
 
-/* An emitter's self-absorption in cells: mean over six points sqrt(0.6) radii out, exact to degree 2. Six points twice
-   as far show how much of the medium ends at the sphere. */
+/* Applies an emitter's self-absorption from cells: the mean over six points sqrt(0.6) radii out, exact to degree 2. Six
+   points twice as far out show how much of the medium ends at the sphere. */
 static void spsi_emitter_hide(const spsi_flights *flights, const double point[3], spsi_emitter *emitter) {
     for (int g = 0; g < flights->grid_count; ++g) {
         const spsi_cell_grid *grid = &flights->grids[g];
@@ -18000,7 +18003,7 @@ static void spsi_emitter_hide(const spsi_flights *flights, const double point[3]
 }
 
 /* Self-absorption of a sphere of material m and optical radius `own`. Cells spread its medium by two edges; marches
-   leave it out. Light starts 0.2 radii in front of the centre per optical depth, at most 2/3. */
+   leave it out. Light starts in front of the centre: 0.2 radii per unit of optical depth, at most 2/3. */
 static void spsi_emitter_own_absorption(const spsi_flights *flights, const double point[3], double radius, double own,
                                         int m, spsi_emitter *emitter) {
     emitter->clear = (float)(radius + 2 * flights->grids->edge);
@@ -18038,7 +18041,7 @@ static void spsi_emitters_add(spsi_flights *flights, const double point[3], doub
     spsi_tree_item_add(&items[flights->count++], flights->centre, low, high);
 }
 
-/* Edge of the voxel blocks that become emitters. `count` receives an upper bound. */
+/* Edge of the voxel blocks that become emitters. `count` receives their maximum number. */
 static int spsi_emitter_blocks(const sps_context *context, const spsi_frame *frame, size_t *count) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     int edge = 1;
@@ -18053,7 +18056,7 @@ static int spsi_emitter_blocks(const sps_context *context, const spsi_frame *fra
     }
 }
 
-/* Sums over voxels, in the volume's grid. */
+/* Sums over voxels, in voxel coordinates. */
 typedef struct spsi_emitter_sum {
     double value, place[3], square[3];
 } spsi_emitter_sum;
@@ -18112,9 +18115,9 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
     }
 }
 
-/* Escaping and trapped light of a uniformly emitting sphere, for a fraction `part` of its emission; p escapes
-   unscattered. Accurate to 1 % up to an optical radius x of 10. Anisotropic lobes count as isotropic with less
-   extinction. Trapped light reaches the eye through extinction without `peak`. */
+/* Escaping light of a uniformly emitting sphere, and a fraction `part` of its trapped light; p: probability of
+   unscattered escape. Accurate to 1 % up to an optical radius x of 10. Anisotropic lobes are treated as isotropic with
+   less extinction. Towards the eye, extinction excludes `peak`. */
 static void spsi_emitter_trap(const spsi_material *material, double peak, double x, double part, spsi_emitter *like) {
     const double once = spsi_sphere_escape(x);
     for (int c = 0; c < 3; ++c) {
@@ -18150,7 +18153,7 @@ static double spsi_particles_crowd(const sps_particle *list, int count) {
 }
 
 /* Fraction of a set's emission that first flights always carry: cells cannot resolve dense particles' self-absorption.
-   It rises between optical depths 0.5 and 1.5. It is 1 for up to 32 particles, fading until 64. Overlapping particles,
+   It rises between optical depths 0.5 and 1.5. For up to 32 particles it is 1, fading until 64. Overlapping particles,
    which cells resolve, lower it. */
 static void spsi_particles_fly(const spsi_frame *frame) {
     spsi_content *content = frame->content;
@@ -18172,7 +18175,7 @@ static void spsi_particles_fly(const spsi_frame *frame) {
     }
 }
 
-/* Fraction of a volume's emission that first flights always carry. It rises up to an optical depth of 0.5, and falls
+/* Fraction of a volume's emission that first flights always carry. It rises to 1 at an optical depth of 0.5, and falls
    between widths of 6 and 12 cells. */
 static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, double edge) {
     const spsi_brick *b = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
@@ -18195,8 +18198,8 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
     }
 }
 
-/* Position, radius and optical radius of a particle's uniform sphere. Soft: 0.845 of the radius for equal variance,
-   0.75 of the depth for equal escape (within 4 % up to 10). Returns volume times extinction. */
+/* Position, radius and optical radius of a particle's uniform sphere. Soft particles: 0.845 of the radius for equal
+   variance, 0.75 of the depth for equal escape (within 4 % up to 10). Returns volume times extinction. */
 static double spsi_emitter_particle(const sps_particle *particle, const spsi_particle_set *set, double point[3],
                                     double *own, spsi_emitter *like) {
     const double depth = spsi_particle_depth(particle, set), radius = (double)particle->radius;
@@ -18206,8 +18209,8 @@ static double spsi_emitter_particle(const sps_particle *particle, const spsi_par
     return (set->soft ? 0.4 : 2.0 / 3) * SPSI_PI * radius * radius * depth;
 }
 
-/* Adds a fraction of many particles' emission as a uniform sphere per block of cells, with each particle's
-   self-absorption. Sums borrow the tree's nodes; `square` has position^2, value^2 and depth. */
+/* Adds a fraction of many particles' emission as a uniform sphere per block of cells, reduced by the particles' mean
+   self-absorption. The tree's nodes store the sums; `square`: position^2, value^2 and depth. */
 static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_set *set, const sps_particle *list,
                                      int count, double part, spsi_emitter *like, spsi_tree_item *items) {
     spsi_emitter_sum *sum, *sums = (spsi_emitter_sum *)(void *)flights->nodes;
@@ -18242,7 +18245,7 @@ static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_
     }
 }
 
-/* Adds particles to `flights`, and the fraction that always flies to the next tree. */
+/* Adds particles to `flights`. The fraction that first flights always carry goes to the next tree. */
 static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *flights,
                                         spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_content *content = frame->content;
@@ -18303,8 +18306,8 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
     if (sum->cut > 0) sum->cut = sum->radius;
 }
 
-/* Adds as one sphere the fraction of a volume's emission that always flies. Self-absorption is an ellipsoid's mean: at
-   1:3:1, 10 % too little leaves across the long axis, 40 % too much along. */
+/* Adds, as one sphere, the fraction of a volume's emission that first flights always carry. Self-absorption is an
+   ellipsoid's mean over directions: at 1:3:1, 10 % too little leaves across the long axis, 40 % too much along it. */
 static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_emitter_sum *sum,
                                      spsi_flights *flights, spsi_tree_item *items) {
     const int m = frame->media[lattice->medium].channel;
@@ -18382,7 +18385,7 @@ static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid 
 
 /* --- optical depth along a path --- */
 
-/* Coarser levels follow each other, in rows of equal pitch. Values are optical depth along a finest edge. */
+/* Appends coarser levels, in rows of equal pitch. Values are optical depth along a finest cell's edge. */
 static void spsi_cell_mips_fill(const spsi_cell_grid *grid, float *to) {
     const size_t pitch = (size_t)grid->pitch;
     int size[3] = {grid->size[0], grid->size[1], grid->size[2]};
@@ -18410,7 +18413,7 @@ typedef struct spsi_extinction_mip {
     spsi_v edge, first, rows;
 } spsi_extinction_mip;
 
-/* Coarsest level with cells up to `width`, or the finest. */
+/* Coarsest level whose cells are up to `width` wide, or the finest. */
 static spsi_extinction_mip spsi_extinction_mip_of(const spsi_cell_grid *grid, spsi_v width) {
     spsi_extinction_mip level = {spsi_set(1), spsi_set(0), spsi_set((float)grid->size[1])};
     size_t row = 0;
@@ -18442,14 +18445,14 @@ static spsi_v spsi_extinction_mip_at(const spsi_cell_grid *grid, spsi_v number, 
 /* Paths from emitters to receivers, in cell edges. */
 typedef struct spsi_segments {
     spsi_v from[3], unit[3], length; /* unit: direction */
-    spsi_v begin, end;               /* attenuating range */
+    spsi_v begin, end;               /* range to march */
     /* clear: distance up to which cells of pyramid `own` contain the emitter's medium */
     spsi_v clear, own;
 } spsi_segments;
 
-/* Steps are a cell's edge near both ends. Farther out, each crosses one coarser cell along the dominant axis: thin
-   layers keep their depth. Coarse cells spread an emitter's medium to 1.3 times its radius. Nearer, its pyramid is read
-   at that distance, where it contains other media. */
+/* Steps are a cell's edge near both ends. Farther out, each crosses one coarser cell along the dominant axis, so thin
+   layers keep their depth. Coarse cells spread an emitter's medium to 1.3 times `clear`. Nearer, its pyramid is read at
+   that distance, beyond the emitter. */
 static spsi_v spsi_segments_depth(const spsi_cell_grid *grid, const spsi_segments *ways) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0), own_end = spsi_mul(ways->clear, spsi_set(1.3f));
     const spsi_v rounded = spsi_set(1.001f);
@@ -18534,7 +18537,7 @@ static void spsi_flight_direction(int number, float unit[3]) {
     }
 }
 
-/* Cells contain the medium of an emitter, or of a node with one pyramid, up to this distance. */
+/* Distance up to which cells contain the medium of an emitter, or of a node with a single pyramid. */
 static float spsi_flight_clear(const spsi_emitter *emitter, const spsi_flight_node *node) {
     return node && emitter->own > 0 ? node->reach : emitter->clear;
 }
@@ -18571,8 +18574,8 @@ static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *
     }
 }
 
-/* Radius around a node's emission: the 16th power mean over its children, near the maximum but insensitive to weak
-   ones. Below `edge`, their mean. */
+/* Radius around a node's emission: power mean (exponent 16) of its children, near the maximum but insensitive to weak
+   ones. Below `edge`: their mean. */
 static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_node *const *own, int count, double edge,
                                 const spsi_emitter *sum) {
     double reach[SPSI_TREE_LEAF], weight[SPSI_TREE_LEAF], most = DBL_MIN, mean = 0, each = 0, all = 0;
@@ -18648,11 +18651,11 @@ typedef struct spsi_flight_list {
     int count;
 } spsi_flight_list;
 
-/* Receivers within `reach` of a place. */
+/* Choice of nodes for receivers within `reach` of `place`. */
 typedef struct spsi_flight_choice {
     const spsi_flights *flights;
     const double *place;
-    double reach, per_angle; /* 1 / a node's maximum angle */
+    double reach, per_angle; /* 1/(a node's maximum angle) */
     int first, most;         /* first entry and maximum count in the list */
 } spsi_flight_choice;
 
@@ -18665,7 +18668,7 @@ static int spsi_flights_opens(const spsi_flight_choice *choice, double scale, co
     return spsi_dot(toward, toward) < least * least;
 }
 
-/* Opens wide nodes. Returns 0 if the list would get too long. */
+/* Opens wide nodes. Returns 0 if the list would become too long. */
 static int spsi_flights_open(const spsi_flight_choice *choice, double scale, spsi_flight_list *list) {
     const spsi_flights *flights = choice->flights;
     for (int i = choice->first; i < list->count;) {
@@ -18684,8 +18687,8 @@ static int spsi_flights_open(const spsi_flight_choice *choice, double scale, sps
     return 1;
 }
 
-/* Lists at most `most` nodes, each subtending at most `angle` for all receivers within `reach`. The widest are opened
-   first. */
+/* Lists at most `most` nodes, each subtending at most `angle` for all receivers within `reach`. If these are too many,
+   only the widest are opened. */
 static void spsi_flights_choose(const spsi_flights *flights, const double place[3], double reach, double angle,
                                 int most, spsi_flight_list *list) {
     const spsi_flight_choice choice = {flights, place, reach, 1 / angle, list->count, most};
@@ -18700,9 +18703,9 @@ static void spsi_flights_choose(const spsi_flights *flights, const double place[
     }
 }
 
-/* Fraction T of light that escapes a node's medium: a polynomial of degree 4 in the cosines, through the marched
-   directions. An emitter's `sent` already includes it. `part` of the medium transmits about T^part: the mean of T / (T
-   + part (1 - T)) and 1 - part (1 - T). */
+/* Fraction T of light that escapes a node's medium: a polynomial of degree 4 in the cosines interpolates the marched
+   directions. An emitter's `sent` already includes it. `part` of the medium transmits about T^part: the mean of T/(T +
+   part (1-T)) and 1 - part (1-T). */
 static spsi_v spsi_flight_leaves(const spsi_flight *flight, int channel, const spsi_v unit[3], spsi_v part) {
     const spsi_flight_node *node = flight->node;
     const spsi_v one = spsi_set(1);
@@ -18730,7 +18733,7 @@ static spsi_v spsi_flight_leaves(const spsi_flight *flight, int channel, const s
     return node ? low : spsi_div(low, sum);
 }
 
-/* Fraction of a node's own medium between it and a receiver: 1 far away, less within (spsi_sphere_nearer). If the
+/* Fraction of a node's own medium between it and a receiver: 1 far away, less inside (spsi_sphere_nearer). If the
    medium ends at the sphere, paths grow from 0.5 radii at the centre to 0.75. */
 static spsi_v spsi_flight_part(const spsi_flight *flight, spsi_v length) {
     const float known = flight->node ? flight->node->reach : 0;
@@ -18742,7 +18745,7 @@ static spsi_v spsi_flight_part(const spsi_flight *flight, spsi_v length) {
     return spsi_mul(spsi_sub(spsi_min(u, spsi_set(own)), spsi_sphere_nearer(u)), spsi_set(1 / own));
 }
 
-/* Distance from the centre where the march begins. It also crosses other media within a particle. */
+/* Distance from the centre where the march begins: within a particle, to include other media there. */
 static spsi_v spsi_flight_begin(const spsi_flight *flight, spsi_v length) {
     const spsi_emitter *emitter = flight->emitter;
     const spsi_v radius = spsi_set(spsi_fmax(emitter->radius, FLT_MIN)), u = spsi_div(length, radius);
@@ -18758,11 +18761,11 @@ typedef struct spsi_flight_place {
     const spsi_frame *frame;
     const spsi_faces *faces;              /* NULL: no occluders */
     const double *point, *start, *normal; /* start: ray origin; normal: unit vector; NULL: a cell */
-    int face; /* face of the point; -1: in a cell, which only receives light for cells */
+    int face; /* face of the point; -1: in a cell, lit only by trees that light cells */
 } spsi_flight_place;
 
-/* Moves a point in a unit sphere towards the receiver, against unit vector `away`: denser spheres emit nearer the rim.
-   Returns its chord's weight. */
+/* Moves a point in a unit sphere towards the receiver, against the unit vector `away`: denser spheres emit nearer the
+   rim. Returns its chord's weight. */
 static double spsi_sphere_rim(double thick, const double away[3], double place[3]) {
     const double along = spsi_dot(place, away), aside = spsi_dot(place, place) - along * along;
     const double half = sqrt(spsi_dmax(1 - aside, 0.01)), dense = thick / sqrt(11 + thick * thick);
@@ -18770,8 +18773,8 @@ static double spsi_sphere_rim(double thick, const double away[3], double place[3
     return 1 + dense * (2.0 / 3 / half - 1);
 }
 
-/* Transmittance of polygons. Spheres that they may cut, of radius `cut`, get 16 points, stratified per axis. Points are
-   weighted by light at the receiver: a cell, or a surface below the sphere. */
+/* Transmittance of polygons towards spheres. Spheres that polygons may cut, of radius `cut`, get 16 points, stratified
+   per axis. Points are weighted by their light at the receiver: a cell, or a surface below the sphere. */
 static void spsi_flights_unblocked(const spsi_flight_place *place, int lanes, double origin[SPSI_LANES][3],
                                    double toward[SPSI_LANES][3], const float cut[SPSI_LANES],
                                    const float thick[SPSI_LANES], spsi_v passes[3]) {
@@ -18818,7 +18821,7 @@ typedef struct spsi_flight_job {
     const spsi_faces *faces;
     const spsi_cell_grid *grid;
     int tree_count;
-    int coarse;             /* maximum node angle, relative to polygons' */
+    int coarse;             /* maximum node angle, relative to that for polygons */
     const float *scattered; /* see spsi_cell_job */
     float *emitted;
 } spsi_flight_job;
@@ -18827,7 +18830,7 @@ typedef struct spsi_flight_job {
 typedef struct spsi_flight_cells {
     int at[3], lanes; /* first cell; bit mask of cells that contain a medium */
     spsi_v centre[3], depth, sum[3][SPSI_CELL_TERMS];
-    spsi_v gas;                /* emitters' medium, weighted by 1 / distance^2, up to two edges beyond rims */
+    spsi_v gas;                /* emitters' medium, weighted by 1/distance^2, up to two edges beyond rims */
     spsi_v own[3], trapped[3]; /* times `gas`: first-flight light, and all light within */
 } spsi_flight_cells;
 
@@ -18855,7 +18858,7 @@ static void spsi_flight_cells_build(const spsi_flight_job *job, const int first[
 }
 
 /* Rays end at a node's centre, or in front of convex polygons. A cap of mean normal a and radius r has its centroid
-   0.55 r sqrt(1 - |a|) below its top. At a cube's edge it is twice that. */
+   0.55 r sqrt(1-|a|) below its top. At a cube's edge, it is twice as far below. */
 static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_flight_cells *cells,
                                         const spsi_emitter *node, spsi_v passes[3]) {
     const spsi_flight_place place = {job->frame, job->faces, NULL, NULL, NULL, -1};
@@ -18874,8 +18877,8 @@ static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_f
     spsi_flights_unblocked(&place, cells->lanes, origin, toward, cut, thick, passes);
 }
 
-/* Inverse of the mean 1 / distance^2 between a cell of edge 1 and a uniform sphere, given d^2 and r^2. To second order,
-   it is d^2 - r^2 / 5 - 1 / 12. Within, it grows from r^2 / 3 + 0.13 at its centre. */
+/* Inverse of the mean 1/distance^2 between a cell of edge 1 and a uniform sphere, given d^2 and r^2. To second order,
+   it is d^2 - r^2/5 - 1/12. Inside the sphere, it grows from r^2/3 + 0.13 at the centre. */
 static spsi_v spsi_sphere_square(spsi_v square, spsi_v radius) {
     const spsi_v u = spsi_max(spsi_div(square, spsi_max(radius, spsi_set(FLT_MIN))), spsi_set(0.1f));
     const spsi_v most = spsi_min(u, spsi_set(1)), cube = spsi_mul(u, spsi_mul(u, u));
@@ -18885,8 +18888,8 @@ static spsi_v spsi_sphere_square(spsi_v square, spsi_v radius) {
     return spsi_max(spsi_sub(square, rim), within);
 }
 
-/* Net flux is 1 / distance^2; within a sphere, only the inner part sends any [Newton's shells]. Flux over fluence is
-   the light's mean cosine. */
+/* Net flux is 1/distance^2; inside a sphere, only emission nearer to the centre contributes [Newton's shells]. Flux
+   over fluence is the light's mean cosine. */
 static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight *flight, float fraction, int blocked,
                                   spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
@@ -18943,7 +18946,7 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
     }
 }
 
-/* Subtracts emitters' light scattered by their own medium: `sent` includes it. */
+/* Subtracts emitters' light scattered by their own medium, which `sent` includes. */
 static void spsi_flight_cells_trap(const spsi_flight_job *job, const spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
     const spsi_v per_gas = spsi_div(spsi_set(1), spsi_max(cells->gas, spsi_set(FLT_MIN)));
@@ -19024,8 +19027,8 @@ static double spsi_emitter_lobe(const spsi_emitter *node, const double toward[3]
 }
 
 /* Irradiance from a uniform sphere of power 1, its centre `height` above the surface's plane. Only the part above
-   counts: polygons may cut it. The integral around the centre's direction is closed-form; spheres wholly above act as
-   points [Newton's shells]. `thick`: optical radius; 0: thin. */
+   counts: polygons may cut it. The azimuthal integral around the centre's direction is analytic; spheres wholly above
+   act as points [Newton's shells]. `thick`: optical radius; 0: thin. */
 static double spsi_sphere_lights(double distance, double height, double radius, double thick) {
     const int steps = 32;
     const double far_off = distance / spsi_dmax(radius, 1e-60), away = spsi_dmax(distance, 1e-60);
@@ -19045,8 +19048,8 @@ static double spsi_sphere_lights(double distance, double height, double radius, 
     return 1.5 / SPSI_PI * sum * (1 - low) / steps / (radius * radius) / spsi_sphere_escape(thick);
 }
 
-/* Adds a fraction of the irradiance from SPSI_LANES nodes, starting at n. If the plane cuts a sphere, rays go to the
-   middle of the part above. */
+/* Adds a fraction of the irradiance from SPSI_LANES nodes, starting at n. If the surface's plane cuts a sphere, rays go
+   to the middle of the part above. */
 static void spsi_flights_irradiance_of(const spsi_flight_place *place, const spsi_flights *flights, float fraction,
                                        const spsi_flight_list *list, int n, double irradiance[3], double *nearest) {
     double origin[SPSI_LANES][3], toward[SPSI_LANES][3], share[SPSI_LANES];
@@ -19102,7 +19105,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     }
 }
 
-/* Nodes are wider if their light is also swept, and for polygons in cells. Returns the nearest node's distance, at
+/* Nodes may be wider if their light is also swept, and for polygons in cells. Returns the nearest node's distance, at
    least its radius. */
 static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi_flights trees[SPSI_FLIGHT_TREES],
                                       double irradiance[3]) {
@@ -19122,15 +19125,15 @@ static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi
 
 /* ============================================================================================== >>shading
    31 Radiance of slabs and surfaces towards the eye. Optical depth from the light is A0 + x (A1 - A0) at fraction x of
-   a ray's path through a slab. x rises along the light. To the eye it is x t front to back, or (1 - x) t. Both are
-   linear, so the slab sends c t spsi_mean_transmittance(..) in either order. A polygon's shadow ends the range of x; a
-   polygon on the ray cuts the slab (>>splat).
+   a ray's path through a slab. x rises along the light. To the eye it is x t front to back, (1 - x) t back to front.
+   Both are linear, so a slab of color c sends c t spsi_mean_transmittance(..). A polygon's shadow ends the range of x;
+   a polygon on the ray cuts the slab (>>splat).
    Transfer functions are not linear: classified volumes have SPSI_SUBSLABS parts per slab, from a parabola through
    three slabs. There x is a fraction of optical depth. */
 
 /* One light at the current slab. */
 typedef struct spsi_arrival {
-    /* optical depth from the light at the path's ends and where slabs meet */
+    /* optical depth from the light at path ends and slab boundaries */
     spsi_v light[SPSI_GROUP_MOST + 1];
     int plane;              /* last plane looked up; -1: none */
     spsi_v plane_light;     /* optical depth at that plane */
@@ -19139,7 +19142,7 @@ typedef struct spsi_arrival {
 } spsi_arrival;
 
 /* Multiple forward scattering depends on the whole medium between light and eye. Back to front, a first pass measures
-   it, and this radiance is summed apart: it includes the medium in front. */
+   it. This radiance is summed apart: it already includes attenuation in front. */
 typedef struct spsi_multiple {
     int measures;       /* 1: the first pass */
     float *gas;         /* per pixel: optical depth so far; NULL: front to back */
@@ -19195,7 +19198,7 @@ typedef struct spsi_pixels {
     spsi_v base, scale;  /* plane k of the chunk has depth d = (k - base) * scale */
     spsi_v slabs;
     spsi_v polygon;      /* d of the polygon; infinity: none */
-    spsi_v polygon_slab; /* its slab coordinate, from the sweep's first slab */
+    spsi_v polygon_slab; /* its slab coordinate, relative to the sweep's first slab */
     spsi_v length;       /* world length per unit of t */
     spsi_v toward[3];    /* unit direction from the eye */
 } spsi_pixels;
@@ -19220,7 +19223,7 @@ typedef struct spsi_sample {
 
 #define SPSI_VECTOR_ALIGNMENT 64 /* widest vectors, in bytes */
 
-/* Structs per worker, too large for some job systems' stacks. Returns NULL on failure. */
+/* Reserves structs per worker, too large for some job systems' stacks. Returns NULL on failure. */
 SPSI_COLD void *spsi_vectors_reserve(sps_context *context, spsi_buffer_id id, int count, size_t size) {
     size_t bytes = SPSI_VECTOR_ALIGNMENT;
     char *memory;
@@ -19289,13 +19292,13 @@ typedef struct spsi_subslab {
     const spsi_sample *samples;
     spsi_v middle;
     spsi_v half;
-    spsi_v ends[2];     /* depths along the light, bit-identical to neighbours' */
+    spsi_v ends[2];     /* depths, ordered along the light; bit-identical to neighbours' */
     spsi_v depth;       /* optical depth */
     spsi_v first, last; /* range, as fractions of the slab's optical depth */
     int number;         /* index along the light */
     int is_cut;         /* 1: cut by a layer to the fractions `cut` */
     spsi_v cut[2];
-    spsi_v before, after; /* optical depth from the eye to both ends, along the light */
+    spsi_v before, after; /* optical depth from the eye to both ends, ordered along the light */
 } spsi_subslab;
 
 /* Mean depth at which rays see a classified volume in a slab. Returns the mask of rays that see it. */
@@ -19352,7 +19355,7 @@ static void spsi_samples_gas(const spsi_material *material, spsi_v value_length,
     }
 }
 
-/* Values follow a parabola. Transparent parts need no colors. */
+/* Samples of a classified volume: values follow a parabola. Transparent parts need no colors. */
 static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
                                     spsi_slab *slab) {
     const spsi_material *material = &shader->frame->matter.materials[channel];
@@ -19382,8 +19385,8 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         spsi_samples_gradient(shader, &target->samplers[material->medium], p, channel, slab);
 }
 
-/* Blinn-Phong highlight (n + 8) / (8 pi) (n.h)^n, nearly normalised: at most 7.5 % too bright at normal incidence, for
-   n = 9. */
+/* Blinn-Phong highlight (n+8)/(8 pi) (n.h)^n, nearly normalised: at most 7.5 % too bright at normal incidence, for n =
+   9. */
 static spsi_v spsi_highlight(spsi_v cosine, float exponent) {
     float lanes[SPSI_LANES];
     spsi_store(lanes, cosine);
@@ -19431,9 +19434,9 @@ static inline spsi_v spsi_angle(spsi_v x, spsi_v y) {
     return spsi_select(spsi_less(x, spsi_set(0)), spsi_sub(spsi_set((float)SPSI_PI), p), p);
 }
 
-/* Mean of 1 / r^2 from a point to a segment of length 2 h: the angle it subtends, over 2 h q. q: the ray's distance; s:
-   from its nearest point to the middle. The angle is that of (q^2 + s^2 - h^2, 2 h q). Small angles use a series,
-   without division by q. */
+/* Mean of 1/r^2 from a point to a segment of length 2h: the angle it subtends, over 2hq. q: the ray's distance; s: from
+   its nearest point to the segment's middle. The angle is atan2(2hq, q^2+s^2-h^2). Small angles use a series, without
+   division by q. */
 static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
     const spsi_v x = spsi_fma(q, q, spsi_mul(spsi_sub(s, h), spsi_add(s, h)));
     const spsi_v y = spsi_max(spsi_mul(spsi_mul(h, q), spsi_set(2)), spsi_set(FLT_MIN * 16));
@@ -19444,8 +19447,8 @@ static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
     return spsi_select(narrow, series, spsi_div(spsi_angle(x, y), y));
 }
 
-/* The mean of 1 / r^2 grows as 1 / q. Over a square pixel around the light, 1 / q averages 4 log(1 + sqrt 2). Rays pass
-   no nearer than the reciprocal, in pixels. */
+/* The mean of 1/r^2 grows as 1/q. Over a square pixel around the light, 1/q averages 4 log(1 + sqrt 2). q is at least
+   the reciprocal, in pixels. */
 #define SPSI_LIGHT_PIXELS 0.28364f
 
 static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
@@ -19464,9 +19467,9 @@ typedef struct spsi_incident {
 /* A part, relative to a light. */
 typedef struct spsi_reach {
     spsi_v middle[3];
-    spsi_v half;     /* length; negative: ends are ordered towards the eye */
+    spsi_v half;     /* half the length; negative: ends are ordered towards the eye */
     spsi_v pixel;    /* world size of a pixel */
-    spsi_v edges[4]; /* where a cone begins, becomes full, begins to fade, and ends, as fractions of the part */
+    spsi_v edges[4]; /* where a cone begins, becomes full, begins to fade, and ends, as fractions along the part */
     spsi_v width[3]; /* between edges, precise */
     /* with a cone or cookie, in the light's frame: */
     spsi_v places[4][3], normal[3]; /* positions of edges; normal of the plane through light and ray */
@@ -19485,7 +19488,7 @@ static void spsi_reach_build(const spsi_shader *shader, const spsi_light *light,
     }
 }
 
-/* Direction of light: bisects the lit range's angle, since 1 / r^2 weights angles equally. */
+/* Direction of light: bisects the lit range's angle, since 1/r^2 weights angles equally. */
 static void spsi_light_travel(const spsi_light *light, const spsi_pixels *p, const spsi_reach *reach,
                               spsi_v travel[3]) {
     const spsi_v one = spsi_set(1);
@@ -19505,7 +19508,7 @@ static void spsi_light_travel(const spsi_light *light, const spsi_pixels *p, con
     for (int i = 0; i < 3; ++i) travel[i] = spsi_div(travel[i], spsi_sqrt(square));
 }
 
-/* Mean of 1 / r^2 between two edges. */
+/* Mean of 1/r^2 between two edges. */
 static spsi_v spsi_light_falloff(const spsi_pixels *p, const spsi_reach *reach, int first, int last) {
     const spsi_v s = spsi_dot_v(reach->middle, p->toward), beside = spsi_mul(reach->pixel, spsi_set(SPSI_LIGHT_PIXELS));
     const spsi_v from = reach->edges[first], to = reach->edges[last];
@@ -19548,7 +19551,7 @@ static void spsi_reach_place(const spsi_shader *shader, const spsi_light *light,
 }
 
 /* Intersects a part with a cone. phi is a point's angle from the direction nearest to the axis, in the plane of light
-   and part; tan(phi) is s / z. u = tan(phi / 2) stays precise in narrow cones. Parts along the light's rays count as
+   and part; tan(phi) is s/z. u = tan(phi/2) stays precise in narrow cones. Parts along the light's rays are treated as
    rim. */
 static void spsi_cone_edges(const spsi_light *light, spsi_reach *reach) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), tiny = spsi_set(FLT_MIN);
@@ -19605,8 +19608,8 @@ static spsi_v spsi_cone_passes(const spsi_reach *reach, spsi_v change) {
     return spsi_div(spsi_mean_transmittance(first, last), all);
 }
 
-/* Returns 1 if a cone covers all parts, -1 if it misses them, 0 otherwise. At an angle a from the axis, sqrt(1 - cos a)
-   is sqrt(2) sin(a / 2). */
+/* Returns 1 if a cone covers all parts, -1 if it misses them, 0 otherwise. At an angle a from the axis, sqrt(1-cos a)
+   is sqrt(2) sin(a/2). */
 static int spsi_cone_meets(const spsi_light *light, const spsi_reach *reach) {
     const spsi_v zero = spsi_set(0), error = spsi_set(4e-6f), *middle = reach->middle;
     const spsi_v r = spsi_sqrt(spsi_max(spsi_dot_v(middle, middle), spsi_set(FLT_MIN)));
@@ -19622,8 +19625,8 @@ static int spsi_cone_meets(const spsi_light *light, const spsi_reach *reach) {
     return spsi_bits(spsi_less(spsi_mul(whole, whole), spsi_add(versine, error))) ? 0 : 1;
 }
 
-/* Mean color of cone and cookie between successive edges (Gauss-Legendre), weighted by 1 / r^2 with falloff. The
-   footprint is at least a step wide, against moire. */
+/* Mean color of cone and cookie between successive edges (Gauss-Legendre), weighted by 1/r^2 with falloff. The
+   footprint is at least one step wide, to avoid moire. */
 static void spsi_light_mean(const spsi_frame *frame, const spsi_light *light, const spsi_reach *reach, spsi_v step,
                             int edge, spsi_v color[3]) {
     const int channels = light->projection.exists ? 3 : 1;
@@ -19703,8 +19706,8 @@ static int spsi_light_at(const spsi_shader *shader, const spsi_light *light, con
 }
 
 typedef struct spsi_sent {
-    spsi_v *once, *again; /* again: multiple forward scattering; front to back, equals `once` */
-    spsi_v ahead;         /* back to front: optical depth towards the eye */
+    spsi_v *once, *again; /* again: multiple forward scattering; front to back: same as `once` */
+    spsi_v ahead;         /* back to front: optical depth between part and eye */
 } spsi_sent;
 
 typedef struct spsi_carried {
@@ -19765,7 +19768,8 @@ static void spsi_shade_by_light(const spsi_shader *shader, const spsi_pixels *p,
     }
 }
 
-/* Per unit of scattered flux: X of the whole path minus exp(-t) times X of the part alone, the direct light's. */
+/* Per unit of scattered flux: X (>>scattering) of the whole path, minus exp(-t) times X of the path to the eye (direct
+   light). */
 static void spsi_add_spread_sample(const spsi_shader *shader, const spsi_shadow *shadow,
                                    const spsi_spread_light_at *arriving, int m, const spsi_sample *sample,
                                    const spsi_sent *sent) {
@@ -19810,7 +19814,7 @@ static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow
     }
 }
 
-/* Lit fraction of each part, or their mean, since shadow edges may cross the path obliquely. */
+/* Lit fraction per part, or their mean if undivided: shadow edges may cross the path obliquely. */
 static void spsi_lit_fractions(const spsi_shader *shader, const spsi_depth_map *map, const spsi_pixels *p,
                                const spsi_slab *slab, spsi_v lit[SPSI_SUBSLABS]) {
     const int backwards = shader->sweep->back_to_front;
@@ -19893,7 +19897,7 @@ static void spsi_subslab_filter(const spsi_shader *shader, const spsi_shadow *sh
         filter[c] = spsi_mul(sum[c], spsi_set(1.0f / (float)(shadow->translucency_map_count * steps)));
 }
 
-/* Fraction of transmitted light that opaque polygons block, over the light's points. */
+/* Fraction of transmitted light that opaque polygons block, averaged over the light's points. */
 static spsi_v spsi_subslab_hidden(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
                                   const spsi_pixels *p, const spsi_subslab *part) {
     const int count = shader->frame->matter.classifies ? 1 : SPSI_SUBSLABS;
@@ -19918,7 +19922,8 @@ static void spsi_subslab_pass(const spsi_shader *shader, const spsi_shadow *shad
 }
 
 /* Mean transmittance over a group's matter from a light, and to the eye if `eye`. Optical depth is assumed linear in a
-   slab, with quadratic error. Pairs of slabs have four times that: a third of the difference is added (Richardson). */
+   slab, with quadratic error. Pairs of slabs have four times this error, so a third of the difference is added
+   (Richardson). */
 static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arrival, const spsi_subslab *part, int eye) {
     const spsi_v zero = spsi_set(0), own = spsi_sub(part->after, part->before);
     spsi_v sum = zero, pairs = zero, passed = zero;
@@ -19979,8 +19984,8 @@ typedef struct spsi_cell_place {
     spsi_m here, left; /* masks: in this grid; in none so far */
 } spsi_cell_place;
 
-/* Scaled extinction also passes more emission to the eye, and exp(-k t) - exp(-t) of the ambient light behind, unless a
-   polygon blocks it. */
+/* Scaled extinction also transmits more emission to the eye, and exp(-k t) - exp(-t) of the ambient light behind,
+   unless a polygon blocks it. */
 static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part, int m,
                                     const spsi_cell_place *place, const spsi_sent *into) {
     const spsi_frame *frame = shader->frame;
@@ -20009,7 +20014,7 @@ static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels
     }
 }
 
-/* A part's middle in the n-th grid, if in none before. Points outside all grids by round-off go to the last. */
+/* A part's middle in the n-th grid, if in no earlier one. Points outside all grids by round-off go to the last. */
 static void spsi_cell_place_build(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part, int n,
                                   spsi_cell_place *place) {
     const spsi_content *content = shader->frame->content;
@@ -20065,8 +20070,8 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
 
 /* --- direct light on polygons, in double precision --- */
 
-/* Irradiance per unit of a light's color, before shadows. Only the shading normal decides: facets would show their
-   outlines in grazing light. Returns 0 if dark. */
+/* Irradiance per unit of a light's color, before shadows. Only the shading normal counts: geometric normals would
+   reveal facets in grazing light. Returns 0 if dark. */
 static int spsi_surface_point_irradiance(const spsi_frame *frame, const spsi_light *light, const spsi_surface *surface,
                                          double irradiance[3]) {
     double toward[3], square, cosine;
@@ -20158,7 +20163,7 @@ static void spsi_visibility_trace(const spsi_visibility_job *job, int worker, co
         job->rays[worker] += (uint64_t)spsi_visibility_point(job, i, block);
 }
 
-/* A row of blocks, aligned to the image, not the region: within round-off, the faces tested depend on the packet. */
+/* A row of blocks, aligned to the image, not the region: at round-off, results depend on a packet's other rays. */
 static void spsi_visibility_row_task(void *data, int index, int worker) {
     const spsi_visibility_job *job = (const spsi_visibility_job *)data;
     const int *region = job->frame->view.region, side = SPSI_VISIBILITY_BLOCK;
@@ -20189,8 +20194,8 @@ static void spsi_visibility_layers_task(void *data, int index, int worker) {
     spsi_visibility_trace(job, worker, &block);
 }
 
-/* An exact ray per point of the light, the same points for all pixels. Noise is worse than steps in the penumbra: no
-   filter can tell it from the image. */
+/* An exact ray to each point of the light; all pixels use the same points. Penumbrae show steps, not noise, which no
+   filter can tell from the image. */
 SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                const spsi_visible *visible, const spsi_shadow *shadow, uint64_t *rays) {
     const int *region = frame->view.region;
@@ -20250,7 +20255,7 @@ typedef struct spsi_receive_job {
 
 typedef struct spsi_received {
     float irradiance[3];
-    int face; /* face in its plane; -1: not computed */
+    int face; /* a face in the plane; -1: not computed */
     double point[3], reach; /* reach: light is smooth over this length */
 } spsi_received;
 
@@ -20269,7 +20274,7 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     return sqrt(16 * grid->edge * grid->edge + distance * distance);
 }
 
-/* Irradiance on a hit's plane from cells and first flights. */
+/* Irradiance from cells and first flights at a point of a hit's plane. */
 static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, double x, double y, spsi_received *to) {
     const spsi_content *content = job->frame->content;
     double irradiance[3] = {0, 0, 0};
@@ -20337,7 +20342,7 @@ static int spsi_receive_even(spsi_receive_tile *tile, const spsi_hit *hit, int x
     return 1;
 }
 
-/* Biquadratic through nine knots. x and y: -1 to 1. */
+/* Biquadratic interpolation of nine knots. x and y: -1 to 1. */
 static float spsi_received_between(const spsi_received *const knots[9], int c, float x, float y) {
     const float across[3] = {0.5f * x * (x - 1), 1 - x * x, 0.5f * x * (x + 1)};
     const float down[3] = {0.5f * y * (y - 1), 1 - y * y, 0.5f * y * (y + 1)};
@@ -20444,7 +20449,7 @@ static void spsi_add_flux(const spsi_shader *shader, const spsi_shading_point *p
     }
 }
 
-/* Adds reflected light that has spread in the medium. */
+/* Adds the reflection of light that has spread in the medium. */
 static void spsi_add_spread_on(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_shading_point *on,
                                const double color[3], float radiance[3]) {
     const spsi_spread *spread = shadow->spread;
@@ -20555,7 +20560,7 @@ static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_light 
     for (int c = 0; c < 3; ++c) irradiance[c] = spsi_fma(share, image[c], irradiance[c]);
 }
 
-/* Transmittance of polygons towards a point of the light. Returns the mask of lanes that it reaches. */
+/* Transmittance of polygons towards a point of the light. Returns the mask of lanes that light reaches. */
 static int spsi_surfaces_open(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_surfaces *list,
                               int point, spsi_v open[3]) {
     const int filtered = shader->frame->meshes.translucent;
@@ -20585,8 +20590,8 @@ static spsi_v spsi_surfaces_depth(const spsi_shadow *shadow, const spsi_surfaces
     return spsi_load(lanes);
 }
 
-/* Adds direct light. `shadow` NULL: no occlusion. Optical depth is measured to the light's centre, or to each point
-   with soft shadows. */
+/* Adds direct light. `shadow` NULL: no occlusion. Optical depth is measured to the light's centre; with soft shadows,
+   to each point. */
 static void spsi_surfaces_add_light(const spsi_shader *shader, const spsi_light *light, const spsi_shadow *shadow,
                                     spsi_surfaces *list) {
     const double unit = spsi_surfaces_unit(light, list), scale = light->falls_off ? 1 / (unit * unit) : 1;
@@ -20619,7 +20624,7 @@ static void spsi_surfaces_add_light(const spsi_shader *shader, const spsi_light 
     }
 }
 
-/* Adds reflected scattered light: from cells (`shadow`: NULL), or from a light that spreads. */
+/* Adds reflected scattered light: from cells (`shadow`: NULL), or a light's, spread in the medium. */
 static void spsi_surfaces_add_scattered(const spsi_shader *shader, const spsi_shadow *shadow, spsi_surfaces *list) {
     for (int n = 0; list->points.lanes >> n; ++n) {
         const spsi_shading_point *place = &list->place[n];
@@ -20719,7 +20724,7 @@ static void spsi_pending_begin(const spsi_shader *shader, const spsi_pixels *p, 
     }
 }
 
-/* Mean transmittance over colors. */
+/* Mean transmittance of layers in front over colors. */
 static spsi_v spsi_pending_mean(const spsi_pending *ahead) {
     const spsi_v sum = spsi_add(spsi_load(ahead->filter[0]), spsi_load(ahead->filter[1]));
     return spsi_mul(spsi_add(sum, spsi_load(ahead->filter[2])), spsi_set(1.0f / 3));
@@ -20903,7 +20908,7 @@ static void spsi_subslab_build(const spsi_shader *shader, const spsi_slab *slab,
     part->after = backwards ? spsi_set(0) : spsi_add(depth, part->depth);
 }
 
-/* Cuts a part to a range in fractions of the slab. `samples` receives its samples. Returns 0 if nothing is left. */
+/* Cuts a part to range `cut`, in slab fractions. `samples` receives the cut samples. Returns 0 if nothing is left. */
 static int spsi_subslab_cut(const spsi_shader *shader, const spsi_slab *slab, const spsi_v cut[2], spsi_sample *samples,
                             spsi_v depth, spsi_subslab *part) {
     const int backwards = shader->sweep->back_to_front;
@@ -20934,8 +20939,7 @@ static int spsi_subslab_cut(const spsi_shader *shader, const spsi_slab *slab, co
     return 1;
 }
 
-/* Adds a part, filtered by layers in front. Optical depth is summed up to SPSI_FORWARD_END per part, to stay
-   precise. */
+/* Adds a part, filtered by layers in front. For precision, `gas` grows by at most SPSI_FORWARD_END per part. */
 static void spsi_add_subslab(const spsi_shader *shader, const spsi_subslab *part, spsi_row *row) {
     const spsi_pixels *p = &row->pixels;
     const spsi_v zero = spsi_set(0);
@@ -20980,7 +20984,7 @@ typedef struct spsi_shading {
     float low, high;
 } spsi_shading;
 
-/* Adds a slab's parts, cut unless `cut` is NULL. */
+/* Adds a slab's parts, limited to the range `cut` unless NULL. */
 static void spsi_add_subslabs(const spsi_shading *shading, const spsi_v *cut, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     spsi_sample *samples = shading->scratch.samples + SPSI_SUBSLABS * row->slab.material_count;
@@ -21056,7 +21060,7 @@ static void spsi_gathered_store(const spsi_shader *shader, size_t to, const spsi
     spsi_store(shader->again.gas + to, sum->gas[0]);
 }
 
-/* Early ray termination before plane k. A ray below the threshold becomes opaque, hiding bright backgrounds; its
+/* Early ray termination before plane k. A ray past the threshold becomes opaque, hiding bright backgrounds; its
    transmittance counts as coverage at the plane. Returns 0 if all rays have ended. */
 static int spsi_end_rays(const spsi_shader *shader, int k, spsi_row *row) {
     const spsi_pixels *p = &row->pixels;
@@ -21103,9 +21107,9 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
 }
 
 /* ==================================================================================================== >>filling
-   32 Filling cells with the medium. Grids enclose groups of bricks and particles. Their medium goes into sheets stacked
-   along z, two samples per cell edge. Deposits and splats both conserve mass. Cost: 27 additions or a footprint per
-   voxel, or a pyramid lookup per sample. */
+   32 Filling cells with the medium. Grids enclose groups of bricks and particles. Their medium is sampled on sheets
+   stacked along z, two samples per cell edge. Deposits and splats both conserve mass. Cost: 27 additions or a footprint
+   per voxel, or a pyramid lookup per sample. */
 
 typedef struct spsi_cell_sample {
     spsi_v depth, scattered[3], emitted[3];
@@ -21156,15 +21160,15 @@ typedef struct spsi_cell_job {
 
 /* --- placing grids --- */
 
-#define SPSI_GROUPS_MOST  64  /* maximum while grouping */
-#define SPSI_GROUPS_APART 2.0 /* minimum gap between grids over their longest side */
+#define SPSI_GROUPS_MOST  64  /* maximum number of groups */
+#define SPSI_GROUPS_APART 2.0 /* minimum gap between grids, relative to their longest side */
 
 typedef struct spsi_groups {
     spsi_bounds list[SPSI_GROUPS_MOST];
     int count;
 } spsi_groups;
 
-/* Gap over the larger group's longest side. */
+/* Gap divided by the larger group's longest side. */
 SPSI_COLD double spsi_groups_apart(const spsi_bounds *a, const spsi_bounds *b) {
     double square = 0;
     for (int k = 0; k < 3; ++k) {
@@ -21201,7 +21205,7 @@ SPSI_COLD void spsi_groups_add(spsi_groups *groups, const spsi_bounds *box) {
 }
 
 /* Groups bricks and particles. Light between groups, at most 1/36 of the light leaving one side, is ignored. From 2.5
-   side lengths away, a side covers 1/6 of a circle of sky in width and height, weighted by its cosine. */
+   side lengths away, a side covers 1/6 of the cosine-weighted sky in width and height. */
 SPSI_COLD void spsi_groups_build(const sps_context *context, const spsi_frame *frame, spsi_groups *groups) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     groups->count = 0;
@@ -21259,7 +21263,7 @@ SPSI_COLD size_t spsi_cell_job_floats(const spsi_frame *frame, const spsi_cell_g
 /* --- filling --- */
 
 /* Sheet samples per length `sample`: several if a classified volume's voxels are smaller, since transfer functions are
-   nonlinear. With samples up to a voxel apart, footprints exceed the pixel filter. */
+   nonlinear. Samples at most a voxel apart keep footprints wider than the pixel filter. */
 SPSI_COLD int spsi_samples_fineness(const spsi_frame *frame, double sample) {
     double voxel = HUGE_VAL;
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -21286,7 +21290,7 @@ SPSI_COLD int spsi_cells_aim(const spsi_cell_grid *grid, int fine, spsi_rays *ra
     return spsi_rays_complete(rays);
 }
 
-/* Channels hold materials. Rays and slabs must be set. */
+/* Target channels are materials. Rays and slabs must be set. */
 SPSI_COLD sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *frame, spsi_sampling *sheets) {
     spsi_target *target = &sheets->target;
     spsi_target_place(frame, &sheets->rays, &sheets->slabs, SPSI_TARGET_SAMPLES, 0, target);
@@ -21404,7 +21408,7 @@ SPSI_COLD sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_call_stage *
     return SPS_OK;
 }
 
-/* Optical depth per edge of forward-peak scattering, treated as transmitted (delta-M). */
+/* Optical depth per cell edge of forward-peak scattering, counted as transmitted (delta-M). */
 static float spsi_cell_straight(const spsi_cell_job *job, int channel, size_t at) {
     const spsi_cell_grid *grid = job->grid;
     float straight = 0;
@@ -21428,8 +21432,8 @@ SPSI_COLD void spsi_cells_mean_scale(const spsi_cell_job *job) {
 /* =================================================================================================== >>lighting
    33 Light on cells. Each light adds E exp(-k t) Y(d) / 4 pi per sample and moment. E is irradiance, t the optical
    depth to the light, k the cell's extinction scale, d the direction. Polygons at closed links reflect E color / pi.
-   Narrow beams and small lit patches of polygons become emitters, >>flights. Cost: filling's, plus eight lookups per
-   cell and light, 26 rays per cell near polygons, 50 at the grid's border. */
+   Narrow beams and small lit patches of polygons become emitters, >>flights. Cost: as for filling, plus eight lookups
+   per cell and light, 26 rays per cell near polygons, 50 at the grid's border. */
 
 static void spsi_cone_ray(const spsi_light *light, double versine, double turn, spsi_ray *ray) {
     const double sine = sqrt(versine * (2 - versine));
@@ -21441,9 +21445,8 @@ static void spsi_cone_ray(const spsi_light *light, double versine, double turn, 
                             sine * (cos(turn) * light->across[0][k] + sin(turn) * light->across[1][k]);
 }
 
-/* Fraction of a light sent as narrow beams, to the medium or to polygons. Beams may be 1/8 as wide as the grid, at its
-   far end or at the polygon on their axis. There are none with translucent polygons: they would have to pass
-   through. */
+/* Fraction of a light sent as narrow beams, to the medium or to polygons. 1 up to 1/8 of the grid's width, 0 from 1/4
+   on, at its far end or the polygon on the axis. 0 with translucent polygons, which beams would have to cross. */
 SPSI_COLD double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *light, int to_polygons) {
     const spsi_cell_grid *grid = job->grid;
     const double versine = light->cone.none, longest = grid->edge * job->frame->view.scattering_resolution;
@@ -21461,7 +21464,7 @@ SPSI_COLD double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *li
 #define SPSI_CELL_TEXELS_MOST 256 /* exceeded only to keep two per cell edge */
 
 /* Texels along a table's longer side: four per cell edge. Depth is convex where the medium begins, but interpolated
-   linearly. In a dense cloud, two texels lose 1 % of multiple scattering, four a quarter of that at equal cost. */
+   linearly. In a dense cloud, two lose 1 % of multiple scattering, four a quarter of that at equal cost. */
 SPSI_COLD int spsi_cell_texels(const spsi_frame *frame) {
     const int cells = frame->view.scattering_resolution;
     return spsi_imax(16, spsi_imin(4 * cells, spsi_imax(SPSI_CELL_TEXELS_MOST, 2 * cells)));
@@ -21490,7 +21493,7 @@ SPSI_COLD sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_light *
     return spsi_shadow_table_fill(job->context, &coarse, &occluders, table);
 }
 
-/* A light's own table may be filled already, for the sweeps. */
+/* A light's own table, made for the sweeps, may already be filled. */
 SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_light *light, const spsi_call_stage *part,
                                       spsi_shadow *shadow, spsi_shadow_table *table) {
     shadow->light = light;
@@ -21503,7 +21506,7 @@ SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_light
     return job->context->result;
 }
 
-/* Depth maps, translucency maps and a light's own table serve all grids. */
+/* Depth maps, translucency maps and a light's own table suit all grids. */
 SPSI_COLD sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_call_stage *part, spsi_shadow_table *tables) {
     const spsi_frame *frame = job->frame;
     const int shadows = frame->lights.shadow_count;
@@ -21589,8 +21592,8 @@ static void spsi_cells_add_moments(const spsi_cell_job *job, const spsi_cell_spo
                            spsi_mul(amount, harmonic[t]));
 }
 
-/* Mean of 1 / r^2 over the samples' cubes, divided by its mean along rays. With the latter, cells around a light
-   receive 5 % too little. */
+/* Mean of 1 / r^2 over the samples' cubes, divided by its mean along rays. Without this, cells around a light receive 5
+   % too little. */
 static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_light *light, const spsi_cell_spot *spot) {
     const float edge = (float)job->sheets.slabs.thickness;
     const spsi_v scale = spsi_set(1 / (edge * edge));
@@ -21651,7 +21654,7 @@ static void spsi_cell_view_move(spsi_cell_view *view, int x, int y, int z) {
     spsi_cell_centre(view->grid, x, y, z, view->centre);
 }
 
-/* Begins a ray opposite to a step. Returns 1 if it stays within the grid. */
+/* Aims a ray against a step. Returns 1 if it ends within the grid. */
 static int spsi_cell_view_ray(const spsi_cell_view *view, const int step[3], spsi_ray *ray) {
     int within = 1;
     memcpy(ray->origin, view->centre, sizeof ray->origin);
@@ -21665,8 +21668,8 @@ static int spsi_cell_view_ray(const spsi_cell_view *view, const int step[3], sps
     return within;
 }
 
-/* True if light entering the grid along a direction comes from a polygon. Rays are jittered within its solid angle: a
-   floor covers half of a horizontal direction. */
+/* True if light entering the grid along a direction comes from a polygon. Rays are jittered within the direction's
+   solid angle, since a floor covers half of a horizontal one. */
 static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_direction *direction, int number,
                                   spsi_ray *ray, spsi_hit *hit) {
     const double count = number + 1 + 50.0 * view->at[0] + 50.0 * 509 * view->at[1] + 50.0 * 509 * 521 * view->at[2];
@@ -21761,7 +21764,7 @@ static void spsi_cell_hits_light_all(const spsi_cell_job *job, spsi_cell_hits *h
     }
 }
 
-/* Returns 0 if the normals cancel. */
+/* Mean point and normal of polygons. Returns 0 if normals cancel. */
 static int spsi_cell_wall_mean(const spsi_cell_grid *grid, const spsi_cell_wall *wall, double point[3],
                                double normal[3]) {
     for (int k = 0; k < 3; ++k) {
@@ -21842,7 +21845,7 @@ static void spsi_cell_walls_task(void *data, int row) {
     }
 }
 
-/* Sets the polygons' radiance minus ambient light. `lit`: 1 if cells light them. Returns the relative change. */
+/* Sets polygons' radiance minus ambient light. `lit`: 1 if cells light them. Returns the relative change. */
 static double spsi_cell_walls_send(const spsi_cell_job *job, int c, int lit) {
     const spsi_cell_grid *grid = job->grid;
     const double ambient = (double)job->frame->given.ambient[c];
@@ -21853,7 +21856,7 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c, int lit) {
         if (!wall->closed && !wall->outside) continue;
         sent = color * ambient + (double)wall->lit[c] - ambient;
         if (lit && spsi_cell_wall_mean(grid, wall, point, normal)) {
-            const spsi_cell_receiver to = {point, normal, NULL, 1}; /* patches are fine enough for cells */
+            const spsi_cell_receiver to = {point, normal, NULL, 1}; /* patches are accurate enough for cells */
             double irradiance[3] = {0, 0, 0};
             spsi_cells_irradiance(grid, c, 1, &to, irradiance);
             sent += color / SPSI_PI * irradiance[0];
@@ -21925,7 +21928,7 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_light *li
     }
 }
 
-/* Adds one emitter for all hits. Their weights are areas. */
+/* Adds one emitter for all hits; weights are areas. */
 static void spsi_hits_reflect(const spsi_cell_job *job, const spsi_cell_hits *hits, int first, int end,
                               spsi_tree_item *items) {
     spsi_flights *flights = &job->flights[SPSI_FLIGHTS_SPOTS];
@@ -21953,7 +21956,7 @@ static void spsi_hits_reflect(const spsi_cell_job *job, const spsi_cell_hits *hi
     spsi_emitters_add(flights, point, 0.25 / SPSI_PI, -1, &sum, items);
 }
 
-/* Rays cover equal solid angles. */
+/* Adds a narrow beam. Rays cover equal solid angles. */
 SPSI_COLD void spsi_beams_list(const spsi_cell_job *job, const spsi_light *light, const spsi_shadow *shadow,
                             spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_cell_view view = {job->faces, job->grid, {0, 0, 0}, {0, 0, 0}};
@@ -21982,7 +21985,7 @@ SPSI_COLD void spsi_beams_list(const spsi_cell_job *job, const spsi_light *light
 }
 
 /* Turns lit patches into emitters while there is room, and removes them from the sweep. Parallel rays along each axis
-   sample polygons at closed links. Weighting by the normal's component makes three axes sum to a wall's area. */
+   sample polygons at closed links. Weighted by the normal's component, the three axes sum to the polygons' area. */
 SPSI_COLD void spsi_patches_list(const spsi_cell_job *job, double covered, size_t most, spsi_tree_item *items) {
     const spsi_cell_grid *grid = job->grid;
     const int *size = grid->size, rays = (int)spsi_dmax(4, spsi_dmin(4 / covered, 64));
@@ -22017,11 +22020,11 @@ SPSI_COLD void spsi_patches_list(const spsi_cell_job *job, double covered, size_
     }
 }
 
-/* Sets the fraction of each cell's lit polygons that flies, since sweeping small patches causes ray effects. A patch is
-   lit cells joined by open links, and a dark, perhaps partly lit rim. Cells below 1/100 of a neighbour's light count as
-   dark, or faint light would join patches. Let M be the patch's light spread over the grid's largest side. Cells up to
-   3 M are swept; from 6 M on, they fly. This fades if patches cover 1/6 of the side, and ends at 1/3. Returns the
-   covered fraction; 0: nothing flies. */
+/* Sets the fraction of each cell's lit polygons that flies, since sweeping small patches causes ray effects. A patch
+   consists of lit cells joined by open links, and a rim of dark cells. Cells below 1/100 of a neighbour's light count
+   as dark; otherwise, faint light would join patches. Let M be the patch's light spread over the grid's largest side.
+   Cells up to 3 M are swept; from 6 M on, they fly. As patches cover 1/6 to 1/3 of the side, the fraction fades to 0.
+   Returns the covered fraction; 0: nothing flies. */
 static double spsi_patches_find(const spsi_cell_job *job) {
     const int *size = job->grid->size, pitch = job->grid->pitch;
     const double side = (double)size[0] * size[1] * size[2] / spsi_imin(size[0], spsi_imin(size[1], size[2]));
@@ -22059,12 +22062,12 @@ static double spsi_patches_find(const spsi_cell_job *job) {
     return covered > 1e-6 && covered < 1.0 / 3 ? covered : 0;
 }
 
-/* Maximum cell edges a ray crosses. */
+/* Maximum cell-edge steps along a ray. */
 static size_t spsi_beam_steps(const spsi_cell_grid *grid) {
     return (size_t)(grid->size[0] + grid->size[1] + grid->size[2]) + 2;
 }
 
-/* Builds trees of emitters for all grids. */
+/* Builds all grids' emitter trees. */
 static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     const spsi_frame *frame = job->frame;
     spsi_flights *trees = job->flights;
@@ -22177,10 +22180,10 @@ SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage 
 /* ==================================================================================================== >>solving
    34 Solving all grids. Cells are solved for the difference from ambient radiance A, with a source of -(1 - w') A. A
    cloud without absorption thus vanishes exactly against a white sky. Cells and polygons light each other in turn;
-   polygons do not light polygons. Patches of the grid's sides store the light leaving it. Cost: >>cells; 64 rays per
-   patch. */
+   polygons do not light polygons. Patches of the grid's sides store the light leaving it. Cost: as for >>cells, plus 64
+   rays per patch. */
 
-/* Minimum optical depth of emitting cells, whose source is emission over depth. */
+/* Minimum optical depth of emitting cells, whose source is emission / depth. */
 #define SPSI_CELL_EMITTING 1e-4f
 
 static void spsi_cells_equations_task(void *data, int row) {
@@ -22235,7 +22238,7 @@ SPSI_COLD size_t spsi_cell_level_lay_out(const spsi_cell_grid *grid, spsi_cell_l
     return (size_t)laid;
 }
 
-/* Levels are halved down to four cells. */
+/* Levels are halved until no side exceeds four cells. */
 SPSI_COLD size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver *solver) {
     size_t floats = 0;
     solver->orders = grid->orders;
@@ -22280,8 +22283,8 @@ SPSI_COLD sps_result spsi_cell_solver_build(sps_context *context, const spsi_cel
 #define SPSI_CELL_RETURNS 6    /* maximum reflections by polygons */
 #define SPSI_CELL_CHANGE  5e-3 /* tolerated relative change of polygons' radiance */
 
-/* Returns NULL if there is no room. `number`: emitter index + 1; 0: new. The first bright channel sets its
-   direction. */
+/* Returns a cell's emitter, or NULL if there is no room. `number`: emitter index + 1; 0: new. The first bright channel
+   sets its direction. */
 static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int row, int *number) {
     static const int term[3] = {3, 1, 2};
     const spsi_cell_grid *grid = job->grid;
@@ -22309,9 +22312,9 @@ static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int
     return *number ? &flights->emitters[*number - 1] : NULL;
 }
 
-/* Moves the light of exceptionally bright cells into emitters, since sweeping it causes ray effects. After
-   self-absorption, cells keep all up to 4 times the grid's mean, nothing from 8 times on. The mean covers all cells if
-   at most 1/8 send, and only senders from 1/4 on: many senders form wide beams. Returns 1 if there are emitters. */
+/* Moves light of exceptionally bright cells into emitters, since sweeping it causes ray effects. After self-absorption,
+   cells keep all light up to 4 times the grid's mean, none from 8 times on. The mean is over all cells if at most 1/8
+   emit, over emitting ones only from 1/4 on: many form wide beams. Returns 1 if there are emitters. */
 static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
@@ -22354,8 +22357,8 @@ static void spsi_cells_send_emission(const spsi_cell_job *job, int channel, floa
         if (level->depth[at] > 0) level->sent[at] += fraction * emitted[at] / level->depth[at];
 }
 
-/* Removes first flights from light that cells send. `light`, received by cells, loses the emitters' light that flies to
-   cells. Light for polygons loses all of it, and emission that flies only to polygons. Returns 0 if nothing is
+/* Removes first flights from light sent by cells. `light`, which cells receive, loses the emitters' light that flies to
+   cells. Polygons' light loses all emitters' light, and emission that flies only to polygons. Returns 0 if nothing is
    removed. */
 static int spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *light) {
     spsi_cell_level *level = &job->solver->levels[0];
@@ -22390,8 +22393,8 @@ static spsi_v spsi_cells_stop(const spsi_cell_level *level, const spsi_v before[
     return spsi_load(passes);
 }
 
-/* Marches rays; units are cells. found[0]: radiance; the rest: single scattering per set, over the phase function.
-   Steps are equal and at most 3/4 of an edge; longer ones are 3 % too bright next to a dense medium. */
+/* Marches rays; units are cells. found[0]: radiance; the rest: single scattering per set, divided by the phase
+   function. Steps are equal and at most 3/4 of an edge; longer ones make rays 3 % too bright beside dense media. */
 static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v from[3], const spsi_v way[3],
                                 spsi_v length, spsi_v found[1 + SPSI_CELL_SETS]) {
     const spsi_cell_level *level = &solver->levels[0];
@@ -22428,7 +22431,7 @@ static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v fro
     }
 }
 
-/* Trims a patch where polygons cut off its outermost cells from the side's middle. */
+/* Trims a patch where polygons cut its outermost cells off from the side's middle. */
 static void spsi_cell_patch_trim(const spsi_cell_wall *walls, const spsi_cell_grid *grid, int patch) {
     const int side = spsi_cell_patch_side(patch), axis = side / 2;
     const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
@@ -22475,7 +22478,7 @@ static void spsi_cells_place_patches(const spsi_cell_job *job) {
     }
 }
 
-/* Light leaving a patch: pi times the radiance along rays from its centre. Dividing by the opacity of a uniform medium
+/* Light leaving a patch: pi times the radiance along rays from its centre. Dividing by a uniform medium's opacity
    removes the grid's shape. The smooth ratio is stored as harmonics, scaled to the rays' flux. Values whose sign
    opposes the flux count as 0, as on surfaces. */
 static void spsi_cell_patches_task(void *data, int patch) {
@@ -22518,7 +22521,7 @@ static void spsi_cell_patches_task(void *data, int patch) {
     }
 }
 
-/* Subtracts single scattering by peaked lobes, which patches send by the phase function itself. */
+/* Subtracts single scattering by peaked lobes, which patches send with the phase function itself. */
 SPSI_COLD void spsi_cells_single_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
@@ -22543,7 +22546,7 @@ SPSI_COLD void spsi_cells_single_task(void *data, int row) {
     }
 }
 
-/* Unless polygons are inside, scales patches to the cells' net emission. */
+/* Stores flux and patches, scaled to the cells' net emission unless polygons are inside. */
 SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel) {
     spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
@@ -22570,12 +22573,12 @@ SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel) {
             apart += (double)(area * spsi_cell_patches_sent(grid, channel + i * grid->channels)[n]);
     }
     out *= job->solver->walled || !(fabs(found + apart) > 0) ? 0 : grid->edge * grid->edge / (found + apart);
-    /* absorption may cancel emission; peaked lobes send elsewhere and are not scaled */
+    /* absorption may cancel emission; peaked lobes, sent separately, are not scaled */
     out = out > 0 ? 1 + (spsi_dmin(spsi_dmax(out, 0.95), 1.05) - 1) * spsi_dmax(0, found / (found + apart)) : 1;
     for (int n = 0; n < (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET; ++n) sent[n] *= (float)out;
 }
 
-/* Excludes polygons' light, which polygons do not receive. */
+/* Sweeps light for polygons, without other polygons' light. */
 SPSI_COLD void spsi_cells_light_polygons(spsi_cell_job *job) {
     spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_wall *walls = level->walls;
@@ -22594,7 +22597,7 @@ SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cal
     spsi_call_stage each = *part;
     double last = 0;
     memset(level->depth, 0, (size_t)(solver->scratch - level->depth) * sizeof(float));
-    level->walls = job->frame->matter.scatters ? job->walls : NULL; /* other media only absorb polygons' light */
+    level->walls = job->frame->matter.scatters ? job->walls : NULL; /* otherwise, media only absorb polygons' light */
     spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
     for (int n = 0; n < SPSI_CELL_RETURNS; ++n) {
         const double change = level->walls ? spsi_cell_walls_send(job, job->channel, n > 0) : 0;
@@ -22620,7 +22623,7 @@ SPSI_COLD sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_call_st
     spsi_cell_solver solver;
     if (spsi_cell_solver_build(context, grid, &solver)) return context->result;
     job->solver = &solver;
-    solver.single = job->samples + grid->count; /* after the emitter numbers */
+    solver.single = job->samples + grid->count; /* after the emitter indices */
     solver.set_count = grid->light_count * grid->peak_count;
     if (job->walls) {
         for (size_t at = 0; at < grid->count; ++at) solver.walled |= job->walls[at].closed != 0;
@@ -22732,7 +22735,7 @@ static uint64_t spsi_cells_fingerprint(const sps_context *context, const spsi_fr
     return hash;
 }
 
-/* True if light made for `key` is cached. Clears cells_cached until it is remade: a failing call may leave partial
+/* True if light made for `key` is cached. Clears cells_cached until light is remade: failing calls may leave partial
    data. */
 SPSI_COLD int spsi_scattered_take(sps_context *context, uint64_t key) {
     const int held = key != 0 && key == context->cells_cached;
@@ -22740,7 +22743,8 @@ SPSI_COLD int spsi_scattered_take(sps_context *context, uint64_t key) {
     return held;
 }
 
-/* Sums weighted by emission. `parts`: grid cells per emitting cell; `depth`: optical, across the emitting region. */
+/* Sums weighted by emission. `parts`: grid cells per emitting cell; `depth`: optical depth across the emitting
+   region. */
 typedef struct spsi_emission_sums {
     double sum, parts, depth;
 } spsi_emission_sums;
@@ -22808,9 +22812,9 @@ SPSI_COLD sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Chooses the lights that contribute most to the medium. Weights fade below twice the strongest contribution left out,
-   and reach 0 before lights swap. A point light's directions at two points must represent a path. Its weight rises from
-   0 at 1/4 of the longest side away to 1 at 1/2. Projectors, narrow cones and lights without shadows have none. */
+/* Chooses lights that contribute most to the medium. Weights fade below twice the strongest contribution left out, to 0
+   where lights would swap. Two directions represent a point light along a path. Its weight thus rises from 0 at 1/4 of
+   the longest side away to 1 at 1/2. Projectors, narrow cones and lights without shadows have none. */
 static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *grids, int count) {
     const int most = count > 0 ? grids->light_count : 0;
     spsi_cell_light list[SPSI_CELL_SETS + 1], entry;
@@ -22876,7 +22880,7 @@ SPSI_COLD void spsi_cells_share_scale(spsi_cell_grid *grids, int count) {
     }
 }
 
-/* All grids are filled first: emission in one must know the others' medium. */
+/* All grids are filled first: emission from one crosses the others' medium. */
 SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                      const spsi_groups *groups, const spsi_call_stage *part, spsi_cell_grid *grids,
                                      spsi_flights *flights) {
@@ -22959,7 +22963,7 @@ static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame,
     return SPS_OK;
 }
 
-/* Uses the finest levels of all volumes: light must not depend on pixel size. */
+/* Uses all volumes' finest levels: light must not depend on pixel size. */
 SPSI_COLD sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                       const spsi_call_stage *part) {
     spsi_content *content = frame->content;
@@ -22977,8 +22981,7 @@ SPSI_COLD sps_result spsi_cells_build(sps_context *context, const spsi_frame *fr
 
 /* ================================================================================================= >>convolving
    35 Filling and lighting the sheets of >>spreading, a chunk at a time. Sheets are as thick as texels are wide at the
-   mean depth. The light leaving each sheet is stored. Cost: filling as for cells, and one lookup per texel and
-   sheet. */
+   mean depth. The light leaving each sheet is stored. Cost: filling as for cells, plus a lookup per texel and sheet. */
 
 /* One face of a light's map, >>spreading. */
 typedef struct spsi_spread_job {
@@ -22988,7 +22991,7 @@ typedef struct spsi_spread_job {
     spsi_spread *spread;
     int face, fine; /* fine: samples per texel side */
     spsi_sampling sheets;
-    spsi_light light; /* its centre, without falloff */
+    spsi_light light; /* point at its centre, without falloff */
     spsi_shadow shadow;
     spsi_rays rays; /* through the texels */
     spsi_shader shader;
@@ -23020,7 +23023,7 @@ static void spsi_spread_add_sample(const void *data, const spsi_sample_place *pl
     }
 }
 
-/* Polygons block scattered light like the direct ray. */
+/* Polygons attenuate scattered light like direct light. */
 static void spsi_spread_polygons(const spsi_spread_job *job, const spsi_cell_spot *spot, size_t texel, size_t at,
                                  spsi_v filter[3]) {
     const spsi_v one = spsi_set(1);
@@ -23088,9 +23091,9 @@ static void spsi_spread_light_task(void *data, int y) {
         }
 }
 
-/* Stores a channel's light at a plane. With scattering depth s and backscattering Q, two streams pass exp(s) / (1 + Q).
-   Direct light is 1 of that; `goes` is the rest per unit of carried flux. A medium receives more than a surface:
-   slanted light over its cosine, and half of the backscattering so far. */
+/* Stores a channel's light at a plane. With scattering depth s and backscattering Q, two streams transmit exp(s) / (1 +
+   Q) relative to direct light. `goes` is the excess over 1, per unit of carried flux. A medium receives more than a
+   surface: oblique light over its cosine, and half of the backscattering so far. */
 static void spsi_spread_keep(const spsi_spread_job *job, int c, int plane) {
     const spsi_spread *spread = job->spread;
     const spsi_spread_light *light = &job->flow[c];
@@ -23334,7 +23337,7 @@ static void spsi_plan_tmap_bytes(sps_context *context, const spsi_frame *frame, 
                          held, filling);
 }
 
-/* Places grids for a plan. Until everything is read, all count as cubes. */
+/* Places grids for a plan. Until everything is read, assumes SPSI_CELL_GRIDS cubes. */
 static int spsi_cells_plan_grids(const sps_context *context, const spsi_frame *frame, int is_read,
                                  spsi_cell_grid *grids) {
     const spsi_bounds bounds = frame->content->bounds;
@@ -23352,7 +23355,7 @@ static int spsi_cells_plan_grids(const sps_context *context, const spsi_frame *f
     return SPSI_CELL_GRIDS;
 }
 
-/* Counts the cells' bytes for a plan. */
+/* Counts cells' planned bytes. */
 SPSI_COLD void spsi_cells_count(sps_context *context, const spsi_frame *frame, int is_read, size_t *bytes) {
     spsi_cell_grid grids[SPSI_CELL_GRIDS];
     const int count = spsi_cells_plan_grids(context, frame, is_read, grids);
@@ -23504,7 +23507,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!run->shader.sweep->back_to_front) region->open[index] = spsi_tile_open(run, x0, y0);
 }
 
-/* Sets polygon_range and opens the tile's patches. */
+/* Sets polygon_range and the tile's open patches. */
 static void spsi_polygon_range_task(void *data, int index) {
     spsi_run *run = (spsi_run *)data;
     spsi_region *region = &run->region;
@@ -23549,7 +23552,7 @@ SPSI_COLD sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
     return spsi_sliced_begin(context, shader->frame, shader->sweep, shader->faces, &run->contents, &run->sliced);
 }
 
-/* Lays out planes of a back-to-front sweep. `whole`, measured by the pass before, is kept. */
+/* Lays out planes of a back-to-front sweep. `whole`, measured by the previous pass, is kept. */
 SPSI_COLD void spsi_run_again(const spsi_frame *frame, size_t pixels, float *memory, spsi_multiple *again) {
     const size_t channels = (size_t)frame->channels;
     again->whole = memory;
@@ -23585,7 +23588,7 @@ SPSI_COLD sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     for (int c = 0; c < 3; ++c) shader->radiance[c] = memory + pixels * (size_t)(1 + (c < frame->channels ? c : 0));
     shader->distance = frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
     for (int y = 0; y < region->rows * SPSI_TILE_HEIGHT && spsi_subslab_count(frame) > 1; ++y)
-        for (int x = 0; x < shader->pitch; ++x) /* other sweeps render the outside */
+        for (int x = 0; x < shader->pitch; ++x) /* other sweeps render pixels outside */
             if (shader->x_origin + x < part[0] || shader->x_origin + x >= part[2] || shader->y_origin + y < part[1] ||
                 shader->y_origin + y >= part[3])
                 shader->depth[(size_t)y * (size_t)shader->pitch + (size_t)x] = SPSI_DEPTH_MAX;
@@ -23715,9 +23718,9 @@ SPSI_COLD sps_result spsi_run_sweep(spsi_run *run, const spsi_call_stage *part) 
 
 /* =============================================================================================== >>budget
    37 Choosing settings within a budget, from three ladders of presets: medium, points of area lights, and cells. Time
-   is each stage's work times the rate last measured on that preset, or the nearest, or a start value. Finer settings
-   never count as faster, except for cached parts and splatted coarse slabs. Error is twice the worst of a list of
-   scenes, added in quadrature; tests/budget.c prints both tables (make budget-fit). Cost: aiming lights and placing
+   sums each stage's work times the rate last measured with that preset or the nearest, else a start value. Finer
+   settings never count as faster, except for cached parts and splatted coarse slabs. Errors, twice the worst in a list
+   of scenes, add in quadrature; tests/budget.c prints both tables (make budget-fit). Cost: aiming lights and placing
    slabs per preset of medium and points. */
 
 /* --- presets --- */
@@ -23752,7 +23755,7 @@ SPSI_COLD int spsi_lights_are_open(const spsi_frame *frame) {
     return 0;
 }
 
-/* Lights choose again between sheets and tables. */
+/* Lets lights choose again between sheets and tables. */
 SPSI_COLD sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, const spsi_setting *setting) {
     const spsi_preset preset = spsi_preset_of(frame, setting->gas);
     spsi_lights *lights = &frame->lights;
@@ -23772,7 +23775,7 @@ SPSI_COLD sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame,
 
 /* --- cost of a setting --- */
 
-/* Pixels in the medium's box; all if it reaches behind the eye. */
+/* Pixels covered by the medium's box; all if it reaches behind the eye. */
 SPSI_COLD double spsi_covered_pixels(const spsi_frame *frame) {
     const int *region = frame->view.region;
     double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL}, area = 1;
@@ -23789,7 +23792,7 @@ SPSI_COLD double spsi_covered_pixels(const spsi_frame *frame) {
     return area;
 }
 
-/* Number of slabs; 0: no medium; infinity: rendering would refuse. */
+/* Number of slabs; 0: no medium; infinity: rendering would fail. */
 SPSI_COLD double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *sweep) {
     const double edge = spsi_sweep_begin(frame, n, 0, sweep);
     double count;
@@ -23832,7 +23835,7 @@ SPSI_COLD size_t spsi_table_cached_bytes(sps_context *context, const spsi_frame 
     return 0;
 }
 
-/* The cells' own maps count as cells. */
+/* Excludes maps for cells, which count as cells. */
 SPSI_COLD void spsi_work_add_maps(sps_context *context, const spsi_frame *frame, uint64_t gas, spsi_work *work) {
     for (int i = 0; i < frame->lights.count; ++i) {
         const spsi_light *light = &frame->lights.list[i];
@@ -23855,7 +23858,7 @@ SPSI_COLD double spsi_work_cells(const spsi_frame *frame) {
     return (double)frame->channels * grid.size[0] * grid.size[1] * grid.size[2] * (frame->meshes.count > 0 ? 2 : 1);
 }
 
-/* Overhead per stage in units of work: tenths of a millisecond, from one-pixel frames. */
+/* Overhead per stage in units of work: tenths of a millisecond, measured on one-pixel frames. */
 static const double spsi_fixed_units[SPSI_STAGE_COUNT] = {1e4, 1e4, 5e3, 3e4, 100, 100, 3e4, 1e4};
 
 #define SPSI_DEPTH_TEXEL_UNITS 0.15 /* cost per texel, in pixels */
@@ -23912,7 +23915,7 @@ SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const s
         for (int sign = -1; sign <= 1; sign += 2) {
             const int at = preset + sign * away;
             if (at < 0 || at >= SPSI_PRESETS || !(known[at] > 0)) continue;
-            /* splatted thick slabs say nothing about others */
+            /* splatted thick slabs' rates do not transfer */
             if (away == 0 || cells || !context->pace.splats[at]) return known[at] * (start[preset] / start[at]);
         }
     return start[preset] / spsi_worker_count(context);
@@ -23921,11 +23924,11 @@ SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const s
 /* --- expected error --- */
 
 /* Twice the worst RMS error relative to the mean, had the medium filled the image. Scenes include a puff of 25 voxels.
-   The thickest slabs have three times the worst: they vary most around a light. The finest presets include detail that
-   voxels do not resolve. */
+   The thickest slabs' errors are three times the worst: they vary most around a light. The finest presets' include
+   detail that voxels do not resolve. */
 static const double spsi_gas_errors[2][SPSI_PRESETS] = {{0.4, 0.2, 0.055, 0.02, 0.006, 0.004, 0.0035},
                                                         {0.14, 0.14, 0.14, 0.07, 0.036, 0.029, 0.028}};
-/* Spheres in shadowed light, per optical depth of a diameter. */
+/* Errors of spheres in shadowed light, per optical depth of a diameter. */
 static const double spsi_sphere_errors[SPSI_PRESETS] = {5, 3.1, 1.7, 0.83, 0.26, 0.26, 0.097};
 static const double spsi_point_errors[SPSI_POINT_PRESETS] = {0.31, 0.11, 0.038, 0.014};
 static const double spsi_cell_errors[SPSI_CELL_PRESETS] = {0.28, 0.13, 0.065, 0.043};
@@ -23955,8 +23958,8 @@ SPSI_COLD double spsi_spheres_depth(const spsi_frame *frame) {
     return weights > 0 ? sum / weights : 0;
 }
 
-/* Against black, a medium with relative error e, covering a fraction c of the pixels, has error e / sqrt(c) in the
-   image. Out of view, it may still shadow polygons. `spheres`: from spsi_spheres_depth. */
+/* Against black, a medium with relative error e, covering a fraction c of pixels, has error e / sqrt(c) in the image.
+   Out of view, it may still shadow polygons. `spheres`: from spsi_spheres_depth. */
 SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting *setting, double spheres) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     const double covered = spsi_dmin(spsi_covered_pixels(frame), pixels);
@@ -23964,7 +23967,7 @@ SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting
     const int again = spsi_uses_cells(frame) || spsi_convolves(frame);
     const double cells = again ? spsi_cell_errors[setting->cells] : 0;
     const double sphere = frame->lights.shadow_count > 0 ? spsi_sphere_errors[setting->gas] * spheres : 0;
-    double gas = 0, points = 0, most = 0; /* depth per voxel; puffs of 0.5 to 3.2 err 1.1 to 3.2 times the table */
+    double gas = 0, points = 0, most = 0; /* depth per voxel; at 0.5 to 3.2, errors are 1.1 to 3.2 times the table's */
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
         if (!material->table)
@@ -24026,12 +24029,12 @@ static void spsi_candidate_time(const sps_context *context, const spsi_work *wor
         const spsi_stage stage = (spsi_stage)n;
         if (!(work->units[n] > 0)) continue;
         candidate->seconds += work->units[n] * spsi_rate(context, stage, setting);
-        if (stage > SPSI_STAGE_PYRAMIDS) /* pyramids are alike on most presets */
+        if (stage > SPSI_STAGE_PYRAMIDS) /* pyramids are alike for most presets */
             candidate->is_known &= context->pace.rates[n][spsi_stage_preset(stage, setting)] > 0;
     }
 }
 
-/* Rates candidates from `first` on, by cell preset. `work` lacks cells. */
+/* Sets candidates' times and errors from `first` on, by cell preset. `work` excludes cells. */
 SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, double spent, double spheres,
                                     spsi_work *work, int first, spsi_candidate *candidates) {
     const spsi_setting *only = context->pace.only;
@@ -24064,8 +24067,8 @@ SPSI_COLD double spsi_candidate_bound(const double *bounds, int n, int sign) {
 }
 
 /* Makes time rise with quality, except for cached parts. Measured settings bound unmeasured neighbours; otherwise, the
-   finer bounds the coarser. Start values come from scenes that split time differently between stages. Splatted thick
-   slabs bound nothing: gathering thinner ones may be faster. */
+   finer bounds the coarser. Start values may contradict it: their scenes split time differently between stages.
+   Splatted thick slabs bound nothing: gathering thinner ones may be faster. */
 SPSI_COLD void spsi_candidates_order(const spsi_rates *pace, spsi_candidate *candidates) {
     double bounds[SPSI_CANDIDATES];
     for (int n = 0; n < SPSI_CANDIDATES; ++n) {
@@ -24227,7 +24230,7 @@ SPSI_COLD sps_result spsi_background_row(sps_context *context, const spsi_frame 
 /* Denormals could slow down the caller. */
 static float spsi_flush(float a) { return a < FLT_MIN ? 0 : a; }
 
-/* Starts with the background. Returns NULL on failure. */
+/* Fills the image with the background. Returns NULL on failure. */
 SPSI_COLD float *spsi_begin_total(sps_context *context, const spsi_frame *frame) {
     const size_t width = (size_t)frame->view.region[2], floats = spsi_total_floats(frame);
     float *total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, width * (size_t)frame->view.region[3],
@@ -24294,7 +24297,7 @@ static void spsi_write_image(const spsi_frame *frame, const float *total, const 
         }
 }
 
-/* Puts depth_reference at the medium's middle, where lookups need precision, or else the polygons'. */
+/* Puts depth_reference at the medium's middle, where lookups need precision, or else at the polygons'. */
 SPSI_COLD void spsi_eye_reference(const spsi_frame *frame) {
     spsi_bounds all = frame->content->bounds;
     double centre[3], q[3];
@@ -24322,7 +24325,7 @@ SPSI_COLD sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* Per-pixel data of all sweeps. */
+/* Data common to all sweeps. */
 typedef struct spsi_picture {
     const spsi_frame *frame;
     spsi_faces faces;
@@ -24362,7 +24365,8 @@ static uint64_t *spsi_visibility_reserve(sps_context *context, size_t places, in
     return (uint64_t *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, 1, bytes);
 }
 
-/* Lists a sweep's lights, and traces surfaces' shadow rays. The first sweep also has shadowing lights without slabs. */
+/* Lists a sweep's lights, and traces surfaces' shadow rays. The first sweep includes lights whose shadows need no
+   slabs. */
 SPSI_COLD sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *sweep, int n, spsi_picture *picture) {
     const spsi_frame *frame = picture->frame;
     const int count = spsi_sweep_shadow_count(frame, n);
@@ -24465,7 +24469,7 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
     spsi_run *run = spsi_run_reserve(context);
     if (!picture.total || !run) return context->result;
     if (spsi_forward_tables(context, frame)) return context->result;
-    for (int n = 0; n < spsi_sweep_count(frame); ++n) /* fails before cells are lit */
+    for (int n = 0; n < spsi_sweep_count(frame); ++n) /* fail before cells are lit */
         if (spsi_sweep_build(context, frame, n, 0, &sweep)) return context->result;
     if (spsi_uses_cells(frame) && spsi_cells_build(context, frame, &picture.faces, &cells)) return context->result;
     if (spsi_convolves(frame) && spsi_spreads_build(context, frame, &picture.faces, &cells, &picture.spreads))
@@ -24480,15 +24484,15 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
 }
 
 /* ================================================================================================= >>plan
-   39 A scene's passes, and why each runs or not. Call counts are exact; bytes are upper bounds, from the reservations
-   that rendering would make. Volumes count by their blocks in range, triangles by their number; particles are read. */
+   39 A scene's passes, and why each runs or not. Call counts are exact; bytes are upper bounds, from rendering's
+   reservations. Volumes are estimated from blocks in range, triangles from their count; particles are read. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
     "gather",      "projectors", "eye polygons", "layers",     "textures",  "light polygons", "triangle tree",
     "shadow rays", "eye sheets", "light sheets", "light maps", "penumbrae", "gradient",       "scattering",
     "forward",     "spreading",  "cells",        "emission",   "ambient",   "surface light"};
 
-/* Blocks to be read, with upper bounds. */
+/* Blocks to be read; upper bounds of their contents. */
 typedef struct spsi_reading {
     int held;  /* 1: voxels are cached by an earlier call */
     int known; /* 1: gas is known, since voxels are cached or there are none */
@@ -24538,7 +24542,7 @@ SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* Places pyramids that decide on filling: cached ones, or estimates from bricks, adjacent or apart, whichever take
+/* Places pyramids needed to choose filling: cached ones, or estimates from bricks, adjacent or isolated, whichever take
    less. */
 SPSI_COLD sps_result spsi_plan_pyramids(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     if (!spsi_pyramids_wanted(frame)) return SPS_OK;
@@ -24579,7 +24583,7 @@ SPSI_COLD void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *fr
     if (spsi_pyramids_wanted(frame)) spsi_pyramids_count(context, frame, reading->bricks_of);
 }
 
-/* Reading may change volumes' slabs a little. */
+/* Chunks count twice: reading may change slabs. */
 static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
                                      uint64_t bricks) {
     const int particles = frame->content->particle_count, chunks = 2 * spsi_chunk_count(slabs) + 1;
@@ -24678,7 +24682,7 @@ SPSI_COLD sps_result spsi_plan_sweep(sps_context *context, const spsi_frame *fra
                                      const spsi_reading *reading, spsi_run *run, sps_plan_report *report) {
     const size_t particles = (size_t)frame->content->particle_count;
     const spsi_rays *eye = &frame->content->eye;
-    const spsi_shape shape = spsi_shape_of(frame, 1); /* lights have no more channels */
+    const spsi_shape shape = spsi_shape_of(frame, 1); /* light targets have no more channels */
     spsi_rays rays = sweep->rays;
     spsi_lists lists;
     if (!reading->known) rays.width = rays.height = spsi_imax(rays.width, rays.height); /* boxes may turn */
@@ -24843,7 +24847,7 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
                    polygons ? "no light" : "no triangles");
 }
 
-/* Polygons' bytes, without sweeps. */
+/* Counts polygons' bytes outside sweeps. */
 static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
     const size_t pixels = spsi_ray_count(&frame->content->eye), triangles = frame->meshes.triangle_count;
     int bytes = 0; /* per shading point */
@@ -24974,7 +24978,7 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
     if (context->result) return context->result;
     spsi_plan_passes(context, frame, &reading, report);
     for (int i = 0; i < SPS_PASS_COUNT; ++i)
-        if (report->pass[i].runs == 0) report->pass[i].bytes = 0; /* only counts in the sum */
+        if (report->pass[i].runs == 0) report->pass[i].bytes = 0; /* counted only in the sum */
     return SPS_OK;
 }
 
@@ -24983,20 +24987,20 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
 /* ============================================================================================ >>reference
    40 Brute-force reference in double precision. The field is summed over all voxels within SPSI_REFERENCE_REACH and
    marched at midpoints of equal steps, with a shadow ray per sample. Triangles and spheres are intersected exactly,
-   through trees of boxes. The response of samples (in floats) and surfaces to light and the ray-triangle test
-   (>>polygons) are the renderer's. Second-order accurate in the step. Rays march in rounds between translucent
-   triangles, so that shade_fn serves all pixels in between. Cost: pixels * samples per ray * (1 + lights * samples per
-   shadow ray) * 343 voxels. */
+   through trees of boxes. The ray-triangle test (>>polygons) and the response to light of surfaces and samples (in
+   floats) are the renderer's. Errors are second-order in the step. Rays march in rounds between translucent triangles;
+   in between, shade_fn is called for all pixels. Cost: pixels * samples per ray * (1 + lights * samples per shadow ray)
+   * 343 voxels. */
 
 #define SPSI_REFERENCE_REACH  3.25 /* voxels, 5 standard deviations: 2e-6 of the kernel's mass is beyond */
 #define SPSI_REFERENCE_TAPS   8
-#define SPSI_MARCH_SHARE      0.25 /* part of a call's progress, if paths follow */
-#define SPSI_REFERENCE_POINTS 64   /* per area light and point */
+#define SPSI_MARCH_SHARE      0.25 /* fraction of a call's progress, if paths follow */
+#define SPSI_REFERENCE_POINTS 64   /* per area light and shaded point */
 #define SPSI_MARCH_ROUNDING   1e-6 /* relative: colors and bounds are floats */
 
 typedef struct spsi_dense {
     float *values;
-    float *most;          /* per brick: maximum, with neighbours */
+    float *most;          /* per brick: maximum, including neighbours */
     float *bound;         /* per brick: upper bound of extinction, for paths */
     double all_most;      /* maximum value, for bounds */
     int size[3];          /* voxels */
@@ -25164,12 +25168,12 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double r
     return sum;
 }
 
-/* Chord through a sphere, along s in -1..1. Optical depth from the middle is the chord's times s / 2 for density 1. For
-   density 1 - (r / radius)^2, it is times 3 s / 4 - s^3 / 4. */
+/* Chord through a sphere, along s in -1..1. Optical depth from the middle, relative to the chord's, is s / 2 for
+   density 1. For density 1 - (r / radius)^2, it is 3 s / 4 - s^3 / 4. */
 typedef struct spsi_ray_chord {
     double depth;
     double middle, half; /* where s is 0; half length */
-    double at[2];        /* the function at the segment's ends */
+    double at[2];        /* this ratio at the segment's ends */
 } spsi_ray_chord;
 
 static int spsi_ray_chord_in_sphere(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set,
@@ -25237,7 +25241,7 @@ static int spsi_march_face(const spsi_marcher *marcher, int number, int x, int y
     return 1;
 }
 
-/* Without a next face, the ray is infinite. */
+/* Finds the next face; without one, the ray is infinite. */
 static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walker *walker) {
     const spsi_rays *eye = &marcher->frame->content->eye;
     spsi_walker next = *walker;
@@ -25410,8 +25414,7 @@ SPSI_COLD int spsi_reference_points(const spsi_light *light) {
     return light->samples > 0 ? light->samples : SPSI_REFERENCE_POINTS;
 }
 
-/* Low-discrepancy sequence [Roberts 2018, R2], shifted by a hash of the position: its error averages out along a
-   ray. */
+/* Low-discrepancy sequence [Roberts 2018, R2], shifted by a position hash: errors average out along a ray. */
 static void spsi_reference_point(const spsi_light *light, const double place[3], int n, spsi_light *point) {
     const uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, place, 3 * sizeof *place);
     const double x = 0.75487766624669276 * (n + 1) + (double)(hash >> 40) / 16777216;
@@ -25437,7 +25440,7 @@ static double spsi_point_inverse_square(const spsi_point *point, const double fr
     return y < 1e-6 * x ? 1 / x : atan2(y, x) / y;
 }
 
-/* Irradiance on gas or a polygon, shadowed by polygons but no medium. Returns 0 if there is none. */
+/* Irradiance in gas or on a polygon, shadowed by polygons but no medium. Returns 0 if none. */
 static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *point, const spsi_light *light,
                               double travel[3], double arrives[3]) {
     const double *start = point->surface ? point->surface->start : point->position;
@@ -25468,7 +25471,7 @@ static void spsi_march_response(const spsi_material *material, const spsi_sample
     for (int c = 0; c < 3; ++c) response[c] = (double)spsi_one(all[c]);
 }
 
-/* Weight of X at depth t. `taken`: depth for its series. */
+/* Weight of forward multiple scattering at depth t. `taken`: depth for its series. */
 SPSI_COLD double spsi_forward_fade(double t, double *taken) {
     const double from = spsi_forward_depth(SPSI_FORWARD_SIZE - 2), end = (double)SPSI_FORWARD_END;
     *taken = spsi_dmin(t, from);
@@ -25570,7 +25573,7 @@ SPSI_COLD void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *h
     }
 }
 
-/* Equal channels return their value, to the bit. */
+/* Mean of channels, exact if they are equal. */
 static double spsi_color_mean(const double c[3]) { return c[0] + (c[1] - c[0] + (c[2] - c[0])) / 3; }
 
 static int spsi_march_step(const spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
@@ -25598,7 +25601,7 @@ static int spsi_march_step(const spsi_marcher *marcher, const spsi_ray *step, in
     return 1;
 }
 
-/* Follows a pixel's ray to its next face and through it. */
+/* Follows a pixel's ray through its next face. */
 SPSI_COLD void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker) {
     spsi_enclosure surface[3], passes;
     double range[2], before;
@@ -25704,7 +25707,7 @@ SPSI_COLD void spsi_march_add(const spsi_marcher *marcher) {
     }
 }
 
-/* Bounds are rounded outwards. Errors are standard errors of the paths' means. Radiance may exceed FLT_MAX. */
+/* Bounds are rounded outwards. Errors are standard errors of the path means. Radiance may exceed FLT_MAX. */
 static void spsi_march_finish(const spsi_marcher *marcher, const sps_image *image) {
     const sps_reference_settings *settings = marcher->settings;
     const size_t width = (size_t)marcher->frame->view.region[2], height = (size_t)marcher->frame->view.region[3];
@@ -25886,11 +25889,11 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
 
 /* ============================================================================================= >>bounds
    41 Strict bounds on single scattering, along the rays of >>reference. On a step of length h, three Gauss points
-   integrate F with an error up to h^7 / 2016000 * |F^(6)|. F is the field times exp(-optical depth from eye and light)
+   integrate F with an error up to h^7 / 2016000 * |F^(6)|. F is the field times exp(-optical depth to eye and light)
    times falloff, phase function and cone. Nearby voxels' differences bound derivatives of field and optical depth;
    products, exponentials and powers have majorant series. Where the medium is too dense for these, transmittances at a
    step's ends bound its light. Where a shadow may begin, light lies between none and all. Steps are halved while that
-   helps. The field has untruncated kernels up to 4 voxels from a volume's box, and nothing beyond. Cost: pixels * steps
+   helps. The field's kernels are untruncated up to 4 voxels from a volume's box; beyond, it is 0. Cost: pixels * steps
    * 3 * (1 + lights * shadow steps * 3) * 512 voxels. */
 
 #define SPSI_BRACKET_ORDER    6
@@ -25899,7 +25902,7 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
 #define SPSI_BRACKET_TAIL     2e-8  /* kernels beyond the taps, relative to the largest value */
 #define SPSI_BRACKET_HALVINGS 12    /* maximum, in dense media */
 #define SPSI_BRACKET_EDGES    6     /* likewise, at shadow edges and for wide bounds */
-#define SPSI_BRACKET_WIDE     1e-3  /* widest bounds, relative to an opaque medium */
+#define SPSI_BRACKET_WIDE     1e-3  /* maximum width, relative to an opaque medium */
 #define SPSI_BRACKET_DENSE    0.5   /* maximum optical depth of a step, at its densest */
 #define SPSI_BRACKET_SEEN     10    /* behind this optical depth, nothing is halved: 5e-5 passes */
 #define SPSI_BRACKET_STEPS    1e8   /* maximum per ray */
@@ -25907,9 +25910,9 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
 #define SPSI_BRACKET_ROOM     1e-9  /* relative tolerance, at shadow edges */
 
 
-/* Bounds on k-th derivatives along a unit vector, in voxels: maxima found, plus 1 %. Sums: all kernels, in absolute
-   value. Ripples: all kernels with sign, ideally constant. Tails: absolute values beyond the taps, up to
-   SPSI_BRACKET_STEP away. */
+/* Bounds on k-th derivatives along a unit vector, in voxels: maxima found, plus 1 %. Sums: all kernels' absolute
+   values. Ripples: signed values, ideally constant. Tails: absolute values beyond the taps, up to SPSI_BRACKET_STEP
+   away. */
 static const double spsi_kernel_sums[SPSI_BRACKET_ORDER + 1] = {1.0115, 1.41, 2.95, 8.1, 24.7, 77.5, 249};
 static const double spsi_kernel_ripples[SPSI_BRACKET_ORDER + 1] = {1.0015, 0.0053, 0.0192, 0.12, 0.753, 4.73, 29.8};
 static const double spsi_kernel_tails[SPSI_BRACKET_ORDER + 1] = {9e-6, 4e-5, 2e-4, 1.3e-3, 8e-3, 0.05, 0.3};
@@ -25942,7 +25945,7 @@ SPSI_COLD spsi_series spsi_series_exponential(const spsi_series *w) {
 }
 
 /* Series of a field, per unit length of `speed` voxels. Nearby voxels are `middle` +- `half`; none exceeds `most`.
-   Their integrals give an integral's series. */
+   Given integrals of these, returns the integral's series. */
 SPSI_COLD spsi_series spsi_series_of_field(double speed, double half, double middle, double most) {
     spsi_series series;
     double factor = 1;
@@ -26083,7 +26086,7 @@ SPSI_COLD void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray,
     step->lit = any && before.low < SPSI_BRACKET_DARK;
 }
 
-/* `m`: volume, or set of particles, which no light reaches. */
+/* `m`: volume, or set of particles (never lit: spsi_bracket_check). */
 SPSI_COLD spsi_enclosure spsi_step_integral(const spsi_marcher *marcher, const spsi_step *step, int m,
                                             const spsi_incoming *incoming) {
     const spsi_step_gas *gas = &step->gas[m];
@@ -26195,7 +26198,7 @@ SPSI_COLD void spsi_incoming_shade(const spsi_marcher *marcher, const spsi_step 
     }
 }
 
-/* Maximum turn of light from the step's middle. */
+/* Maximum angle from the light's direction at the step's middle. */
 SPSI_COLD double spsi_step_turn(const spsi_step *step, const spsi_light *light) {
     const double half = 0.5 * (step->ray.high - step->ray.low), distance = spsi_step_distance(step, light);
     return half < distance ? asin(half / distance) : 4;
@@ -26216,7 +26219,7 @@ SPSI_COLD int spsi_cone_bends(const spsi_cone *cone, spsi_enclosure range) {
     return cone->exists && ((low < 0 && high > 0) || (low < 1 && high > 1));
 }
 
-/* A cone is the square of a linear function of 1 - cos, with kinks at both ends. */
+/* A cone's falloff is the square of a linear function of 1 - cos, with kinks at both ends. */
 SPSI_COLD void spsi_incoming_cone(const spsi_cone *cone, const double versines[3], spsi_enclosure range,
                                   const spsi_series *turning, spsi_incoming *incoming) {
     spsi_series share = *turning;
@@ -26244,8 +26247,8 @@ SPSI_COLD spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const
     return lobes;
 }
 
-/* Per unit of optical depth and albedo. Lobes are monotonic in the cosine, so its range bounds them. A point light's
-   direction turns by less than the step's angle, with terms up to 2 / r^k. */
+/* Phase function per unit of optical depth and albedo. Lobes are monotonic in the cosine, so its range bounds them. A
+   point light's direction turns by less than the step's angle, with terms up to 2 / r^k. */
 SPSI_COLD void spsi_incoming_phase(const spsi_step *step, const spsi_light *light, const spsi_material *material,
                                    spsi_incoming *incoming) {
     const double half = 0.5 * (step->ray.high - step->ray.low), turn = spsi_step_turn(step, light);
@@ -26338,8 +26341,8 @@ SPSI_COLD void spsi_light_plane(const spsi_light *light, const double a[3], cons
 
 typedef enum spsi_cover { SPSI_COVER_CLEAR, SPSI_COVER_BEHIND, SPSI_COVER_PARTLY } spsi_cover;
 
-/* Tests whether a face hides a light from a whole step. Separating planes pass through the face, its edges and the
-   light, or step and light. */
+/* Tests whether a face hides a light from a whole step. Separating planes contain the face, an edge and the light, or
+   the step and the light. */
 SPSI_COLD spsi_cover spsi_face_cover(const spsi_face *face, const spsi_light *light, const spsi_step *step) {
     double normal[3], beyond[3];
     int side, sides[3], inside = 1;
@@ -26362,7 +26365,7 @@ SPSI_COLD spsi_cover spsi_face_cover(const spsi_face *face, const spsi_light *li
     return sides[0] != 0 && sides[0] == sides[1] && sides[1] == sides[2] ? SPSI_COVER_CLEAR : SPSI_COVER_PARTLY;
 }
 
-/* Returns 0 if a polygon covers only part of the step: shorter steps help. */
+/* Returns 0 if a polygon may cover part of the step: shorter steps help. */
 SPSI_COLD int spsi_step_cover(const spsi_faces *faces, const spsi_light *light, const spsi_step *step,
                               spsi_enclosure passes[3]) {
     int number, sure = 1;
@@ -26393,12 +26396,12 @@ SPSI_COLD int spsi_step_cover(const spsi_faces *faces, const spsi_light *light, 
 
 /* --- following a ray --- */
 
-/* True in dense media, and at edges of shadows and cones. */
+/* True if halving helps: dense media, edges of shadows or cones. */
 SPSI_COLD int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *step, int halvings) {
     const double dense = step->passes.term[1] * (step->ray.high - step->ray.low);
     if (!step->lit || step->before.low > SPSI_BRACKET_SEEN) return 0;
     if (step->smooth && dense > SPSI_BRACKET_DENSE && halvings < SPSI_BRACKET_HALVINGS)
-        return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) <= SPSI_BRACKET_DENSE; /* 0: too dense even so */
+        return ldexp(dense, halvings - SPSI_BRACKET_HALVINGS) <= SPSI_BRACKET_DENSE; /* 0: halving does not suffice */
     for (int i = 0; i < marcher->light_count && halvings < SPSI_BRACKET_EDGES; ++i) {
         const spsi_light *light = &marcher->frame->lights.list[i];
         spsi_enclosure passes[3];
@@ -26502,11 +26505,11 @@ SPSI_COLD sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marc
    42 Multiple scattering by random paths from the eye: an unbiased reference, with the field and polygons of
    >>reference. Volumes are crossed by delta tracking [Woodcock et al. 1965]: tentative collisions lie -ln(u) / bound
    apart and are real with probability extinction / bound, with a bound per brick. Spheres are sampled in closed form.
-   At the nearest collision or face, shadow rays add the scattering of all lights, using ratio tracking in volumes
-   [Novak et al. 2014]. The next direction is drawn from the phase function. Lights at the first event are marched.
-   Emission is sampled by a shadow ray to a point drawn in proportion to it, and at a point on each later ray. The
-   balance heuristic [Veach and Guibas 1995] avoids noise near and inside small flames. Cost: paths * events * (1 +
-   lights) * bound * length * 343 voxels. */
+   At the nearest collision or face, shadow rays add all lights' scattering, using ratio tracking in volumes [Novak et
+   al. 2014]. The next direction is drawn from the phase function. Lights at the first event are marched. Emission is
+   sampled by a shadow ray to a point drawn in proportion to it, and at a point on each later ray. The balance heuristic
+   [Veach and Guibas 1995] avoids noise near and inside small flames. Cost: paths * events * (1 + lights) * bound *
+   length * 343 voxels. */
 
 #define SPSI_PATHS_MAX    (1 << 20)
 #define SPSI_PATH_ROUND   16    /* maximum paths per pixel between calls of progress_fn */
@@ -26590,7 +26593,7 @@ typedef struct spsi_tracker {
     double leave, bound; /* extinction's upper bound up to `leave` */
 } spsi_tracker;
 
-/* Segments are as long as a brick, so their voxels lie in their middle's brick and its neighbours. */
+/* Segments are one brick long, so their voxels lie in their middle's brick and its neighbours. */
 static void spsi_tracker_enter(spsi_tracker *tracker) {
     const spsi_dense *grid = tracker->grid;
     const spsi_ray *rest = &tracker->rest;
@@ -26625,7 +26628,7 @@ static int spsi_tracker_begin(const spsi_marcher *marcher, int medium, const sps
     return 1;
 }
 
-/* Returns the probability that the next collision is real, or -1 if there is none. */
+/* Returns the probability that the next collision is real; -1: none. */
 static double spsi_tracker_next(spsi_tracker *tracker, uint64_t *random) {
     double point[3], value;
     for (;;) {
@@ -26685,7 +26688,7 @@ static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *r
 
 /* --- emission --- */
 
-/* Mean emission of channels, per unit value. */
+/* Emission per unit value, averaged over channels. */
 static double spsi_emission_of(const spsi_material *material) {
     return ((double)material->emission[0] + (double)material->emission[1] + (double)material->emission[2]) / 3;
 }
@@ -26720,8 +26723,8 @@ static sps_result spsi_emission_build(sps_context *context, spsi_marcher *marche
     return SPS_OK;
 }
 
-/* Draws an emitting point, as a light with its part's color, of mean 1. Density is a sphere's or a voxel kernel's; 1e-6
-   of a kernel lies beyond SPSI_REFERENCE_REACH, where nothing emits. */
+/* Draws an emitting point, as a light with its part's color, of mean 1. Points follow a sphere's density or a voxel's
+   kernel; 2e-6 of a kernel lies beyond SPSI_REFERENCE_REACH, where nothing emits. */
 static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, spsi_light *light) {
     const spsi_frame *frame = marcher->frame;
     const double pick = (1 - DBL_EPSILON) * spsi_random(random) * marcher->glow_sum; /* below the sum after rounding */
@@ -26764,8 +26767,8 @@ static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, sp
     for (int c = 0; c < 3; ++c) light->color[c] = (float)((double)material->emission[c] / spsi_emission_of(material));
 }
 
-/* `density`: per steradian, of paths from the event. Returns the weight of drawing the point; paths that hit it get the
-   rest. */
+/* `density`: per steradian, of paths from the event. Returns the balance heuristic's weight of drawing the point; paths
+   that hit it get the rest. */
 static double spsi_emission_at(const spsi_marcher *marcher, const double event[3], double density,
                                const double point[3], double emitted[3]) {
     const spsi_bounds *bounds = &marcher->frame->content->bounds;
@@ -26881,7 +26884,7 @@ static void spsi_path_event(const spsi_path *path, spsi_point *point) {
     point->face = -1;
 }
 
-/* Directions are drawn by phase function, or uniformly for surface shading. */
+/* Directions are drawn from the phase function, or uniformly for surface shading. */
 static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample *sample, spsi_path *path) {
     const spsi_material *material = spsi_material_of(marcher->frame, part);
     double way[3], back[3], response[3], cosine, value, extinction;
@@ -27087,7 +27090,7 @@ SPSI_COLD sps_result spsi_reference_frame(sps_context *context, const spsi_frame
 #endif /* SPLATSHADOW_NO_REFERENCE */
 
 /* =============================================================================================== >>public
-   43 Public functions, which check arguments and call the chapters above, and callbacks for grids and meshes. */
+   43 Public functions, which check arguments and call the chapters above; callbacks for grids and meshes. */
 
 #ifdef __GNUC__ /* a static SPS_API may leave functions unused */
 #pragma GCC diagnostic push
@@ -27121,7 +27124,7 @@ static sps_result spsi_refuse(sps_context *context) {
                      "a callback called into its own context, or threw or jumped out of an earlier call (destroy it)");
 }
 
-/* Clears the error, and all statistics but bytes. Returns an error if no call is possible. */
+/* Clears the error, and all statistics but bytes. Returns an error if the call is refused. */
 SPSI_COLD sps_result spsi_begin(sps_context *context) {
     sps_stats_report fresh;
     if (!context) return SPS_ERROR_ARGUMENT;
@@ -27285,7 +27288,7 @@ static void spsi_voxel_row(const sps_grid *grid, const char *from, ptrdiff_t ste
     SPSI_ROLLED for (int i = 0; i < count; ++i) out[i] = out[i] * scale + offset;
 }
 
-/* Returns the result of sps_grid_read and sps_grid_range. */
+/* Returns 0 or the error of sps_grid_read and sps_grid_range. */
 static int spsi_grid_check(const sps_grid *grid, const int lo[3], const int size[3]) {
     if (!grid || !grid->voxels || grid->start_canary || grid->end_canary) return 1;
     if ((int)grid->format < SPS_VOXEL_U8 || grid->format > SPS_VOXEL_F32) return 1;
@@ -27351,7 +27354,7 @@ SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float
     return 0;
 }
 
-/* Vertex of the i-th corner of all triangles. */
+/* Vertex index at the i-th corner of all triangles. */
 static size_t spsi_mesh_index(const sps_indexed_mesh *mesh, size_t i) {
     uint16_t narrow;
     uint32_t wide;

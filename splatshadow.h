@@ -323,8 +323,8 @@ typedef struct sps_grid {
     const void *voxels;    /* voxel (0,0,0); need not be aligned */
     sps_voxel_format format;
     int size[3];         /* voxels along x, y, z; must equal the volume's */
-    ptrdiff_t stride[3]; /* bytes from one voxel to the next along x, y, z; may be negative. 0: packed, x fastest:
-                            a voxel's bytes, size[0] times |stride[0]|, size[1] times |stride[1]| */
+    ptrdiff_t stride[3]; /* bytes from one voxel to the next along x, y, z; may be negative. 0: packed, x fastest
+                            (voxel bytes, size[0] * |stride[0]|, size[1] * |stride[1]|) */
     float scale;         /* value = stored * scale + offset; 0 means 1; 1 / 255.0f maps a byte to 0..1 */
     float offset;
     uint32_t end_canary; /* leave 0 */
@@ -470,7 +470,7 @@ typedef enum sps_tmap_technique {
     SPS_TMAP_DEPTH
 } sps_tmap_technique;
 
-/* All members zero but far_depth: deep opacity, cubic, with 8 components. For sps_light.shadow_map, all may be zero: a
+/* All zero except far_depth means cubic deep opacity with 8 components. For sps_light.shadow_map, all zero means a
    table. */
 typedef struct sps_tmap_settings {
     uint32_t start_canary; /* leave 0 */
@@ -632,8 +632,8 @@ typedef enum sps_scattering {
     /* MULTIPLE if the gas calls for it, else SINGLE, by sps_view.scattering_tolerance. Costs a test of each voxel. */
     SPS_SCATTERING_AUTO = 0,
     SPS_SCATTERING_SINGLE, /* single scattering */
-    /* Single scattering, plus an `ambient` per volume and set of particles that stands for multiple scattering, at no
-       cost. [Ebert & Parent] */
+    /* Single scattering, plus an `ambient` per volume and particle set to approximate multiple scattering, at no cost.
+       [Ebert & Parent] */
     SPS_SCATTERING_AMBIENT,
     /* Multiple scattering by small angles: a closed form in the optical depth and angle of the straight path from light
        to eye. Accurate for forward scattering; backscattered light is mostly missing. Cut off at an optical depth of
@@ -2871,7 +2871,7 @@ static int spsi_transfer_shows(const spsi_material *material, float high) {
 
 /* ======================================================================================== >>transmittance
    8  Optical depth along a ray (u = 0 to 1) of a transmittance map, by technique. Intervals are uniform or have a
-   soft particle's density 1 - s^2. They add up to a curve with jumps, which only lists keep exactly.
+   soft particle's density 1 - s^2. Their sum is a curve whose jumps only lists keep exactly.
 
    Sums take intervals in any order, a vector of texels at a time.
        opacity planes, deep opacity planes    [Kim & Neumann 2001; Yuksel & Keyser 2008; cubics: Steffen 1990].
@@ -3433,7 +3433,7 @@ typedef struct spsi_compressor {
     int count;
     double low, high;            /* range of slopes from the last node that stay within the error */
     double below, above;         /* the line's maximum distances below and above a cut */
-    double last_u, last_through; /* last cut that the slopes satisfy */
+    double last_u, last_through; /* last cut that the slopes fit */
 } spsi_compressor;
 
 static void spsi_compressor_node(spsi_compressor *c, double u, double through) {
@@ -3452,7 +3452,7 @@ static void spsi_compressor_end(spsi_compressor *c) {
     spsi_compressor_node(c, c->last_u, spsi_dmax(start + slope * length, 0));
 }
 
-/* Returns 0, with slopes unchanged, if no slope satisfies the cut. */
+/* Returns 0, with slopes unchanged, if none fits the cut. */
 static int spsi_compressor_allows(spsi_compressor *c, double u, double through) {
     const spsi_node *from = &c->out[c->count - 1];
     const double length = u - (double)from->u, start = (double)from->value;
@@ -3946,7 +3946,7 @@ typedef struct spsi_cell_grid {
     float *depth;                       /* optical depth per edge */
     float *moments;                     /* per channel and term, without ambient light */
     float *flown;   /* likewise, first flights alone; NULL: none, >>flights */
-    float *trapped; /* per channel: trapped emission, then first flights it replaces */
+    float *trapped; /* per channel: trapped emission, then the first-flight light it replaces */
     float *seen;    /* per material and channel: radiance towards the eye per scattering depth */
     int flux_terms; /* degrees 0 to 2; 0: no polygons */
     float *flux;    /* per channel and term: moments for lighting polygons */
@@ -3957,8 +3957,8 @@ typedef struct spsi_cell_grid {
     size_t pyramid_rows; /* per pyramid */
 } spsi_cell_grid;
 
-/* An emitting sphere, >>flights. In direction d it sends 1 - |axis| + 4 max(0, axis . d) times its mean. axis: a
-   polygon's normal, a bright cell's mean direction, or 0. */
+/* An emitting sphere, >>flights. Radiance in direction d: mean * (1 - |axis| + 4 max(0, axis . d)). axis: a polygon's
+   normal, a bright cell's mean direction, or 0. */
 typedef struct spsi_emitter {
     float at[3], radius; /* relative to the tree's centre */
     float cut;           /* radius if polygons may intersect it, or 0 */
@@ -8842,8 +8842,8 @@ static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
     return spsi_dmax(spsi_dot(rays->inverse[2], offset), 0);
 }
 
-/* Optical depth of a sphere widened to area / `share`, with equal total extinction. The outline's mean transmittance is
-   fitted by f^-2, or f^-2/3 if soft. A homogeneous sphere absorbs 1 - 2 (1 - (1 + d) e^-d) / d^2; errors are within 1
+/* Optical depth of a sphere widened to area / `share`, with equal total extinction. Its disc's mean transmittance is
+   fitted by f^-2, or f^(-2/3) if soft. A homogeneous sphere absorbs 1 - 2 (1 - (1 + d) e^-d) / d^2; errors are within 1
    %, or 2 % if soft. */
 static double spsi_sphere_widen(double depth, int soft, double share) {
     const double a = soft ? 0.6 : 1.0 / 3, b = soft ? 0.566 : 0.374, c = soft ? 3.6 : 7;
@@ -10269,7 +10269,7 @@ typedef struct spsi_deposit {
     float breadth[3];
     int low[3], high[3]; /* sample range of the tile */
     int edges[2][3];     /* range of all samples */
-    int kept;            /* 1: borders also take the mass beyond them */
+    int kept;            /* 1: edge samples also take the mass beyond */
 } spsi_deposit;
 
 /* First of three samples per axis, and their weights. */
@@ -15461,7 +15461,7 @@ SPSI_COLD size_t spsi_spread_floats(const spsi_spread *spread) {
 
 /* --- from sheet to sheet --- */
 
-/* State variables times flux: angle and slant are A and B, widths are variances yet to spread. */
+/* Flux-weighted state variables: angle and slant are A and B, widths are variances not yet applied. */
 typedef enum spsi_spread_part {
     SPSI_SPREAD_WAY,
     SPSI_SPREAD_FLUX,
@@ -16243,7 +16243,7 @@ static void spsi_light_table_count(const sps_context *context, const spsi_frame 
     if (light->tables > 1) *room -= sum;
 }
 
-/* Gives lights without valid slabs a table, area lights several. */
+/* Without valid slabs: one table, or several for area lights. */
 SPSI_COLD void spsi_choose_for_unserved(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                         double *room, spsi_light *light) {
     const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_EVEN;
@@ -17913,7 +17913,7 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
 #define SPSI_EMITTERS_EACH 4096  /* maximum emitting particles of a set; beyond, they merge per block of cells */
 #define SPSI_EMITTER_BLOCKS 26   /* maximum along a grid's edge: sums fit in SPSI_EMITTERS_EACH particles' nodes */
 #define SPSI_FLIGHT_NODES  64    /* maximum per tree and receiver */
-#define SPSI_FLIGHT_BLOCK  4     /* edge of cubes with one common node list, in cells */
+#define SPSI_FLIGHT_BLOCK  4     /* edge in cells of cubes that share a node list */
 #define SPSI_FLIGHT_STEP   0.15f /* step relative to the nearer end's distance; at least a cell's edge */
 
 /* True if a light's cone may be too narrow for cells: half-angle up to 0.8 radians, close to a polygon. */
@@ -18245,7 +18245,7 @@ static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_
     }
 }
 
-/* Adds particles to `flights`. The fraction that first flights always carry goes to the next tree. */
+/* Adds particles to `flights`. The fraction always left to first flights goes to flights[1]. */
 static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *flights,
                                         spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_content *content = frame->content;
@@ -19458,13 +19458,13 @@ static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
                : size;
 }
 
-/* Light at a part, before shadows. */
+/* Light reaching a subslab, before shadows. */
 typedef struct spsi_incident {
     spsi_v travel[3];
     spsi_v irradiance[3]; /* mean per unit of the light's color; grey without a cookie */
 } spsi_incident;
 
-/* A part, relative to a light. */
+/* A subslab, relative to a light. */
 typedef struct spsi_reach {
     spsi_v middle[3];
     spsi_v half;     /* half the length; negative: ends are ordered towards the eye */
@@ -23218,7 +23218,7 @@ SPSI_COLD sps_result spsi_spread_aim(sps_context *context, const spsi_frame *fra
     spread->light = light;
     spread->channels = frame->channels;
     if (spsi_light_grid_aim(context, frame, &coarse, &spread->map)) return context->result;
-    if (spread->map.face_count > 1) { /* a cube has twice as many texels around as across */
+    if (spread->map.face_count > 1) { /* each face gets half the resolution */
         coarse.map_size = spsi_imax(16, coarse.map_size / 2);
         if (spsi_light_grid_aim(context, frame, &coarse, &spread->map)) return context->result;
     }
@@ -23915,7 +23915,7 @@ SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const s
         for (int sign = -1; sign <= 1; sign += 2) {
             const int at = preset + sign * away;
             if (at < 0 || at >= SPSI_PRESETS || !(known[at] > 0)) continue;
-            /* splatted thick slabs' rates do not transfer */
+            /* rates measured on thick splatted slabs do not transfer */
             if (away == 0 || cells || !context->pace.splats[at]) return known[at] * (start[preset] / start[at]);
         }
     return start[preset] / spsi_worker_count(context);
@@ -24583,7 +24583,7 @@ SPSI_COLD void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *fr
     if (spsi_pyramids_wanted(frame)) spsi_pyramids_count(context, frame, reading->bricks_of);
 }
 
-/* Chunks count twice: reading may change slabs. */
+/* Doubles chunks, since reading may change slabs. */
 static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
                                      uint64_t bricks) {
     const int particles = frame->content->particle_count, chunks = 2 * spsi_chunk_count(slabs) + 1;

@@ -166,6 +166,11 @@ rivals: build/measure/rivals
 build/tests/cases.log: docs/hard-cases.md tests/cases.awk $(wildcard tests/*.c tests/*.h)
 	@$(call run,cases,awk -v mode=count -f tests/cases.awk $(wildcard tests/*.c) tests/check.h tests/fuzz.h docs/hard-cases.md && $(ONE_PASSED))
 
+# Pages name functions that exist.
+build/tests/names.log: splatshadow.h README.md $(wildcard docs/*.md)
+	@$(call run,names,(for name in $$(grep -oh '`spsi_[a-z0-9_]*`' README.md docs/*.md | tr -d '`' | sort -u); do \
+	grep -qw "$$name" splatshadow.h || { echo "splatshadow.h has no $$name"; exit 1; }; done) && $(ONE_PASSED))
+
 # Tests whether a configuration's compiler is available and makes programs that run.
 can_build = { echo 'int main(void) { return 0; }' > build/tests/probe_$(1).c && \
 	$(COMPILE_$(1)) build/tests/probe_$(1).c -o build/tests/probe_$(1) && build/tests/probe_$(1); } >/dev/null 2>&1
@@ -211,7 +216,7 @@ objects: $(foreach c,$(filter $(SPLIT),$(READY)),$(call code,$(c))) $(SIMD_PLAIN
 	$(if $(STB_THERE),$(if $(filter native,$(READY)),build/tests/render))
 run-tests: $(INSTALL_CHECKS_THERE:%=build/tests/install.%.log) $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
 	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) $(READY_STEPS) \
-	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log build/tests/cases.log \
+	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log build/tests/cases.log build/tests/names.log \
 	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log build/tests/header.no_reference.log $(if $(STB_THERE),build/tests/header.migrate.log)) build/tests/header.empty.log $(if $(TCC_THERE),build/tests/header.tcc.log) \
 	$(SHADER_COMPILERS_THERE:%=build/tests/shaders.%.log)
 endif

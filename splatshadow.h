@@ -276,7 +276,7 @@ typedef struct sps_volume {
     int size[3];             /* voxels along x, y, z, at most 65536 each; any of them 0: no volume */
     sps_placement placement; /* maps the unit cube to the volume's box; may rotate, scale and shear */
 
-    /* Writes the size[0]*size[1]*size[2] values, >= 0, of the block of voxels that begins at lo, x fastest. */
+    /* Writes the size[0]*size[1]*size[2] values (>= 0) of the block of voxels that begins at lo, x fastest. */
     int (*read_fn)(void *user, const int lo[3], const int size[3], float *out);
     /* Optional: bounds the values in a block, to skip it without reading. May be too wide, never too narrow; write
        0..1e18 if data may be invalid. */
@@ -331,7 +331,7 @@ typedef struct sps_grid {
 } sps_grid;
 
 typedef struct sps_triangle {
-    float position[3][3]; /* local to the mesh's placement */
+    float position[3][3]; /* in the mesh's local space */
     float normal[3][3];   /* read if has_normals; of any length; zero: the triangle's geometric normal */
     float albedo[3][3];   /* read if has_albedos; replaces the mesh's albedo; 0..1 */
     float uv[3][2];       /* read if there is a shade_fn, which receives it; any finite numbers */
@@ -391,7 +391,7 @@ typedef struct sps_mesh {
 typedef struct sps_indexed_mesh {
     uint32_t start_canary;  /* leave 0 */
     size_t vertex_count;    /* above 0 */
-    const float *positions; /* x, y, z of each vertex, local to the mesh's placement */
+    const float *positions; /* x, y, z of each vertex, in the mesh's local space */
     const float *normals;   /* three floats per vertex; NULL: mesh.has_normals must be 0 */
     const float *albedos;   /* three floats per vertex; NULL: mesh.has_albedos must be 0 */
     const float *uvs;       /* two floats per vertex; NULL: all 0 */
@@ -739,7 +739,7 @@ typedef struct sps_reference_settings {
     /* Optional, with 2 samples or more: estimated standard error of radiance, three floats per pixel, laid out as the
        image. Written on SPS_OK only. */
     float *error;
-    /* Optional, both or neither, two buffers of three floats per pixel, laid out as the image. They bound singly
+    /* Optional, both or neither, two buffers of three floats per pixel, laid out like the image. They bound singly
        scattered radiance, for any step; the image is their midpoint. UNSUPPORTED with `samples`, multiple scattering,
        transfer functions, area lights, projectors, or particles in scattered light. See docs/manual.md, section 11.
        Written on SPS_OK only. */
@@ -797,8 +797,8 @@ typedef struct sps_plan_report {
     int slab_count;                  /* slabs of the longest sweep */
     int shadow_width, shadow_height; /* texels of the largest shadow buffer */
     int light_points; /* maximum sample points of a light: 1 without area lights; 0: no light */
-    /* Number of volumes gathered into the eye's sheets, any light's, and cells or spreading light; then why the first
-       volume is or is not (static strings). Unread volumes count as full boxes, cells as one grid. */
+    /* Volumes gathered into the eye's sheets, into one light's (the maximum), and for cells or spreading light; then
+       why the first volume is or is not (static strings). Unread volumes count as full boxes, cells as one grid. */
     int eye_gathered, light_gathered, cells_gathered;
     const char *eye_filling, *light_filling, *cells_filling;
     /* SPS_SCATTERING_AUTO: as in sps_stats_report if volumes are cached, or with polygons; otherwise -1. */
@@ -1843,7 +1843,7 @@ typedef struct spsi_rates {
     spsi_setting setting;
     spsi_work work;
     double seconds_pyramids; /* spent on pyramids in this frame */
-    uint64_t scattered;    /* hash of cached multiple scattering made under a budget */
+    uint64_t scattered;    /* hash of multiple scattering cached under a budget */
     spsi_setting scattered_by;
 } spsi_rates;
 
@@ -2884,7 +2884,7 @@ static int spsi_transfer_shows(const spsi_material *material, float high) {
 
 #define SPSI_TMAP_COMPONENTS 65     /* per texel */
 #define SPSI_SOFT_MOST       256    /* maximum pieces between successive ends, if an interval is soft */
-#define SPSI_SOFT_EPSILON    0.001f /* minimum error with soft intervals */
+#define SPSI_SOFT_EPSILON    0.001f /* minimum epsilon with soft intervals */
 
 /* Interval u0..u1 of a ray: uniform (soft 0), or density 1 - s^2, s = -1 to 1 (soft 1). If the light is inside the
    particle, it is the chord's last fraction, `soft`. Ends may exceed 0..1; depth outside counts at 0 or 1. */
@@ -3864,8 +3864,8 @@ typedef struct spsi_light {
 typedef struct spsi_accuracy {
     double threshold;     /* transmittance that ends eye rays */
     double shadow_texels; /* shadow texels per voxel */
-    double texel_pixels;  /* minimum shadow texel in pixels; 0: set by caller */
-    double slab_pixels;   /* minimum slab thickness in pixels; 0: set by caller */
+    double texel_pixels;  /* minimum texel size in pixels; 0: none */
+    double slab_pixels;   /* minimum slab thickness in pixels; 0: none */
     int depth_map_texels; /* minimum resolution */
     double cut;           /* kernel radius in standard deviations */
     double light_cut;     /* cut of classified volumes in light sheets */
@@ -8933,7 +8933,7 @@ static void spsi_sphere_near_range(const double across[3], const double along[3]
     if (a > 0 || !(x - b / a * t > 0)) *last = (int)spsi_dmax(spsi_dmin(floor(a > 0 ? high : low), size - 1), -1);
 }
 
-/* Returns the raised world radius. */
+/* Returns the world radius used. */
 static double spsi_sphere_build(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
                                 spsi_sphere *sphere) {
     double centre[3], offset[3], q[3], c[3], radius, ahead;
@@ -8944,7 +8944,7 @@ static double spsi_sphere_build(const spsi_rays *rays, const spsi_particle_set *
     radius = spsi_sphere_radius(rays, particle, offset);
     spsi_sphere_dilute(set, particle, radius, sphere);
     sphere->x1 = sphere->y1 = -1;
-    ahead = q[2] / rays->per_length; /* distance from the origin's plane */
+    ahead = q[2] / rays->per_length; /* world depth along the axis */
     if (!(sphere->depth > 0) || !(radius > 0) || (rays->perspective && !(ahead > -radius))) return radius;
     sphere->near_by =
         rays->perspective && !(ahead > SPSI_SPHERE_NEAR * radius && ahead > SPSI_SPHERE_ASIDE * spsi_length(offset));
@@ -9128,7 +9128,7 @@ static void spsi_sphere_weigh(const spsi_rays *rays, const spsi_rays *faces, dou
    degrees between them, s = normalise(l - e), and the eye composites back to front. |l +- e| >= sqrt 2, so s never
    degenerates; light always travels along s. [Zhang & Crawfis, section 4] */
 
-#define SPSI_COSINE_MIN  0.1  /* minimum between rays and s, so that rays cross a slab within 10 thicknesses */
+#define SPSI_COSINE_MIN  0.1  /* rays' minimum cosine to s, so that they cross a slab within 10 thicknesses */
 #define SPSI_COSINE_EVEN 0.35 /* slabs are halved below it; the middle ray has 0.71 or more */
 #define SPSI_SLAB_TEXELS 8    /* maximum thickness in light texels, if pixels are wide */
 
@@ -15414,14 +15414,14 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
    C's growth is the variance of a Gaussian kernel: 4/9 h s D^2 for small angles [Eyges 1948]. B decays at rate
    h, the limit of 1 - P[1] for Henyey-Greenstein lobes near g = 1.
    A Gaussian lacks the peak and tail: light scattered only within lobes' peaks forms a separate beam. The rest is the
-   total minus that beam, which preserves moments.
+   total minus that beam; this preserves moments.
    A two-stream factor scales stored light for backscattering: 1/(1 + Q), Q = 3/4 (1 - P[1]) s. Unbounded media
    transmit up to a quarter more.
    Displacements are in texels, whose growth along a cone shrinks angles. Kernels move a fraction w <= 1/2 by k = 1,
    2, 4 .. texels, half to each side, with variance w k^2. This conserves energy at any width. Sheets alternate between
    columns and rows.
-   Results are independent of the number of sheets. Half a halo's light lies within a radius 3 to 14 % larger than
-   random walks'. Cost: a pass per sheet and octave of kernel width. */
+   Results are independent of the number of sheets. A halo's half-light radius is 3 to 14 % larger than in random
+   walks. Cost: a pass per sheet and octave of kernel width. */
 
 #define SPSI_SPREAD_STEP 64 /* maximum step, in texels */
 /* Minimum optical depth that light has passed: below it, differences of X are round-off. */
@@ -16171,7 +16171,7 @@ static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, cons
 
 /* --- sheets or tables --- */
 
-/* True if a table is as fine as a large image's sheets, also along the light. Independent of image size. */
+/* True if a table is as fine as sheets at any image size, with planes no farther apart than its texels. */
 SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, const spsi_light *light) {
     spsi_shadow_table table;
     const spsi_light_grid *grid = &table.grid;
@@ -16265,7 +16265,7 @@ SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *fra
     spsi_sweep_clear(frame, light, 0, &sweep);
     light->choice = SPSI_CHOICE_SHEETS;
     int serves = spsi_sweep_aim(frame, &sweep) && (!sweep.soft || spsi_beams_serve(frame, &sweep));
-    if (spsi_eye_is_wide(frame) && !others && !light->extent.exists) /* splitting the image is better */
+    if (spsi_eye_is_wide(frame) && !others && !light->extent.exists) /* tables allow image splitting */
         serves &= sweep.cosine_of_eye >= SPSI_COSINE_EVEN;
     if (!serves) {
         spsi_choose_for_unserved(context, frame, &sweep, room, light);
@@ -17041,7 +17041,7 @@ static void spsi_cell_rows_follow(const spsi_cell_sweep *sweep, int pair, int y,
     float carried[2] = {spsi_cell_sweep_row(sweep, pair, y, z)[last + 1],
                         spsi_cell_sweep_row(sweep, pair + 1, y, z)[-1]};
     SPSI_ROLLED for (int x = 0; x <= last; x += SPSI_LANES)
-        for (int i = 0; i < 2; ++i) { /* one multiplication remains in the recurrence */
+        for (int i = 0; i < 2; ++i) { /* leaves one multiply-add in the recurrence */
             spsi_v s = spsi_load(level->sent + row + x), more;
             SPSI_ROLLED for (int t = 1; t < level->solver->terms; ++t)
                 s = spsi_fma(spsi_load(level->sent + (size_t)t * level->count + row + (size_t)x),
@@ -17463,7 +17463,7 @@ static void spsi_cells_extrapolate_task(void *data, int row) {
 
 /* --- irradiance on polygons --- */
 
-#define SPSI_CELL_PATCHES 8 /* patches along each side's edge */
+#define SPSI_CELL_PATCHES 8 /* patches per edge of a side */
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
 /* Patch order: by side (x, y, z; lower first), then its higher axis, then its lower. */
 #define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
@@ -18946,7 +18946,7 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
     }
 }
 
-/* Subtracts emitters' light scattered by their own medium, which `sent` includes. */
+/* Subtracts emitters' light scattered by their own medium: already in `sent`. */
 static void spsi_flight_cells_trap(const spsi_flight_job *job, const spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
     const spsi_v per_gas = spsi_div(spsi_set(1), spsi_max(cells->gas, spsi_set(FLT_MIN)));
@@ -24469,7 +24469,7 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
     spsi_run *run = spsi_run_reserve(context);
     if (!picture.total || !run) return context->result;
     if (spsi_forward_tables(context, frame)) return context->result;
-    for (int n = 0; n < spsi_sweep_count(frame); ++n) /* fail before cells are lit */
+    for (int n = 0; n < spsi_sweep_count(frame); ++n) /* fail early, before lighting cells */
         if (spsi_sweep_build(context, frame, n, 0, &sweep)) return context->result;
     if (spsi_uses_cells(frame) && spsi_cells_build(context, frame, &picture.faces, &cells)) return context->result;
     if (spsi_convolves(frame) && spsi_spreads_build(context, frame, &picture.faces, &cells, &picture.spreads))
@@ -26204,7 +26204,7 @@ SPSI_COLD double spsi_step_turn(const spsi_step *step, const spsi_light *light) 
     return half < distance ? asin(half / distance) : 4;
 }
 
-/* Range of 1 - cos(a) at angle a to the light's axis. Its root, sqrt(2) sin(a / 2), has slopes up to 1 / sqrt(2). */
+/* Range of 1 - cos(a), a: angle to the light's axis. Its square root, sqrt(2) sin(a / 2), has slope <= sqrt(0.5). */
 SPSI_COLD spsi_enclosure spsi_step_axis(const spsi_step *step, const spsi_light *light) {
     const double turn = sqrt(0.5) * spsi_step_turn(step, light);
     double travel[3], root;

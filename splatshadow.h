@@ -16944,13 +16944,13 @@ typedef struct spsi_cell_beams {
 
 static size_t spsi_cell_row_floats(const spsi_cell_level *level) { return (size_t)(level->pitch + SPSI_CELL_PAD); }
 
-SPSI_COLD size_t spsi_cell_sweep_floats(const spsi_cell_level *level) {
+static size_t spsi_cell_sweep_floats(const spsi_cell_level *level) {
     const size_t rows = 2 * SPSI_CELL_SWEPT * (size_t)(level->size[1] + 2) + SPSI_CELL_SWEPT + 2;
     return rows * spsi_cell_row_floats(level) + (size_t)SPSI_CELL_PAD;
 }
 
 /* Directions along x, straight or slanted, form adjacent pairs: backward, then forward. */
-SPSI_COLD void spsi_cell_sweep_begin(const spsi_cell_level *level, int index, spsi_cell_sweep *sweep) {
+static void spsi_cell_sweep_begin(const spsi_cell_level *level, int index, spsi_cell_sweep *sweep) {
     sweep->level = level;
     sweep->count = sweep->rising = 0;
     sweep->planes = level->solver->scratch + (size_t)index * spsi_cell_sweep_floats(level);

@@ -71,8 +71,8 @@ NOT INCLUDED
 
 CONVENTIONS
     Nothing depends on handedness. Lengths are in the caller's unit, angles in radians. Matrices are row-major and
-    multiply column vectors. Row 0 of an image is its top row. Pixel (x,y) is the ray through its centre. Colors are
-    linear RGB radiance.
+    multiply column vectors. Row 0 of an image is its top row. Pixel (x,y) samples the ray through its centre. Colors
+    are linear RGB radiance.
     A directional light travels along its `direction`; its color is the irradiance on a plane facing it.
     A point light's color is its intensity: irradiance = intensity / distance^2, unless its falloff is none.
     Extinction is per unit length at value 1. Phase functions integrate to 1 over the sphere (isotropic: 1 / 4 pi).
@@ -81,7 +81,7 @@ CONVENTIONS
     kernel(p - centre). The kernel is a normalised Gaussian with a standard deviation of 0.65 voxels. Values outside the
     box are 0, so the field fades out within 2.5 voxels of it. sps_reference marches through exactly this sum;
     sps_render cuts the kernels at 1.8 to 2.5 voxels, depending on quality.
-    A scene's callbacks return 0, or non-zero on failure; read_fn, eval_fn and sample_fn receive zeroed outputs.
+    A scene's callbacks return 0 on success, else non-zero; read_fn, eval_fn and sample_fn receive zeroed outputs.
 
 BUILD OPTIONS (define before the implementation is included; none changes a public type)
 
@@ -92,7 +92,7 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
     SPS_ASSERT(c)                default assert(c); catches bugs in the library and in parallel_for_fn, not bad input
     SPS_MALLOC(n), SPS_FREE(p)   default malloc, free; used if the config has no allocator (define both or neither)
     SPS_SNPRINTF                 default snprintf; formats the error sentences
-    SPS_CLOCK()                  default clock() in seconds; paces progress_fn if the config has no clock_fn. Below 0:
+    SPS_CLOCK()                  default clock() in seconds; paces progress_fn if the config has no clock_fn. Negative:
                                  no clock, and progress_fn is called during and after every task
     SPS_ALLOW_FAST_MATH          allows -ffast-math, -ffinite-math-only and /fp:fast, otherwise an #error. With them,
                                  invalid data goes unnoticed, and polygons may show gaps
@@ -108,17 +108,17 @@ THREADS   A context serves one call at a time. Any number of contexts may run at
     query a finished map. parallel_for_fn distributes the work. All other callbacks run on the calling thread, one at a
     time, with two exceptions. Workers call read_fn, range_fn and eval_fn of `concurrent` volumes at once (not in
     sps_plan). With progress_fn, they also call clock_fn. A callback that calls into its own context gets
-    SPS_ERROR_CALLBACK, as does the interrupted call; then the context can be used. No callback may exit by an
+    SPS_ERROR_CALLBACK, as does the interrupted call; the context stays usable. No callback may exit by an
     exception or longjmp. If one does, later calls return SPS_ERROR_CALLBACK. Destroying the context and its maps then
     frees all memory, if C code has unwind tables (-fexceptions).
 REPEATABLE   A build produces identical bits on every run, for any number of workers and any region of an image. On
     different machines, this requires the same C library, rounding mode and denormal handling. Only a budget (sps_view)
     depends on the clock, earlier frames, the region and the number of workers.
 LIMITS   Images and shadow buffers up to 16384 on a side; projected textures up to 4096; shadow tables up to 2^28
-    entries; 2^20 slabs. Coordinates and matrices within 1e15; voxels of 1e-14 to 1e10 world units, polygons from 1e-20
-    up. Polygons shadow gas from point lights up to 1e7 times the gas's width away. They shadow only points farther
-    behind them than 1.2e-7 of their vertices' distance from the mesh's origin. Values above 1e18 are an error;
-    values below 1e-30 count as 0. Beyond an optical depth of 86, transmittance is 0; an opaque polygon's is 1e15.
+    entries; 2^20 slabs. Coordinates and matrices within 1e15; voxels of 1e-14 to 1e10 world units, polygons of at least
+    1e-20. Polygons shadow gas from point lights up to 1e7 times the gas's width away. They shadow only points
+    farther behind them than 1.2e-7 of their vertices' distance from the mesh's origin. Values above 1e18 are an error;
+    values below 1e-30 count as 0. Beyond an optical depth of 86, transmittance is 0; an opaque polygon counts as 1e15.
 
 PAPERS
     C. Zhang, R. Crawfis, "Light Propagation for Mixed Polygonal and Volumetric Data Using Splatting" >>slicing
@@ -266,7 +266,7 @@ typedef struct sps_transfer {
 
 typedef enum sps_shading {
     SPS_SHADING_GAS = 0, /* scatters by the phase function */
-    SPS_SHADING_SURFACE  /* diffuse and specular where the gradient (its normal) is strong; gas elsewhere */
+    SPS_SHADING_SURFACE  /* diffuse and specular where the gradient (as normal) is strong; gas elsewhere */
 } sps_shading;
 
 /* A grid of voxels in the world. Values come from read_fn or eval_fn, in blocks of at most 38^3 voxels. Without a
@@ -300,7 +300,7 @@ typedef struct sps_volume {
 
     const sps_transfer *transfer; /* NULL: gas; otherwise replaces extinction, albedo and emission */
     sps_shading shading;          /* with a transfer function */
-    float gradient_full;          /* change of value per voxel above which all is surface; 0 means 0.05 */
+    float gradient_full;          /* gradient (value per voxel) above which all is surface; 0 means 0.05 */
     float specular;               /* strength of the highlight, 0..1 */
     float shininess;              /* Blinn-Phong exponent, 0 means 32 */
     uint32_t end_canary;          /* leave 0 */
@@ -337,11 +337,11 @@ typedef struct sps_triangle {
     float uv[3][2];       /* read if there is a shade_fn, which receives it; any finite numbers */
 } sps_triangle;
 
-/* The point of a mesh that a pixel shows, for shade_fn. */
+/* A mesh's visible point at a pixel, for shade_fn. */
 typedef struct sps_surface_point {
     double position[3]; /* world */
     double uv[2];       /* interpolated between vertices, perspective-correct */
-    /* Change of uv to the next pixel right and below, in the triangle's plane, to filter textures; finite even
+    /* Derivatives of uv along image x and y, per pixel, in the triangle's plane, for texture filtering; finite even
        edge-on. */
     float uv_dx[2], uv_dy[2];
     float normal[3];  /* shading normal: world, unit length, on the eye's side */
@@ -357,8 +357,8 @@ typedef struct sps_surface {
     float emission[3]; /* emitted radiance, 0..1e18; visible to the eye, lights nothing */
 } sps_surface;
 
-/* Triangles, lit from the eye's side. Their shadows on each other are ray-traced, exact; in gas,
-   sps_view.shadow_resolution limits them. Degenerate triangles are skipped; non-finite ones are an error. */
+/* Triangles, shaded on the side facing the eye. Their shadows on each other are ray-traced exactly; in gas,
+   sps_view.shadow_resolution limits their detail. Degenerate triangles are skipped; non-finite ones are an error. */
 typedef struct sps_mesh {
     uint32_t start_canary; /* leave 0 */
     size_t triangle_count; /* 0: no mesh; at most 2^29, over all meshes of a scene */
@@ -413,7 +413,7 @@ typedef struct sps_particle {
 } sps_particle;
 
 /* A set of particles of the same material. Radii below 3/4 of a pixel or texel are raised to that, conserving mass.
-   From 4 pixels (1.5 texels) on, optical depth along rays is exact, at any slab_thickness. Polygons cut particles. */
+   From 4 pixels (1.5 texels) on, optical depth along rays is exact, at any slab_thickness. Polygons clip particles. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
@@ -454,7 +454,7 @@ typedef enum sps_tmap_technique {
        two more with texel_range. */
     SPS_TMAP_FOURIER,
     /* 4 or 6 moments of extinction along the ray [Muenstermann et al. 2018]: the total, and the means of z .. z^(n-1)
-       with z = 2u - 1. Queries return the middle of the implied bounds, and are slow. Soft, never rings, exact at u =
+       with z = 2u - 1. Queries return the middle of the implied bounds, and are slow. Blurs, never rings; exact at u =
        1. n 5 or 7, default 5. */
     SPS_TMAP_MOMENT,
     /* Beer shadow map: u where gas begins, u where it ends, and the total. Exact for one uniform interval, and behind
@@ -530,7 +530,7 @@ typedef struct sps_projector {
        90 degrees). Directional light: in world units from sps_light.position. */
     double left, right, bottom, top;
     double up[3]; /* towards the image's top row; zero or along the direction: an axis across it is chosen */
-    /* Disc, rectangle: distance along the direction at which the image is sharp, exceeding the light's own depth; 0:
+    /* Disc, rectangle: distance along the direction at which the image is sharp, beyond all points of the light; 0:
        infinity. At distance d the blur is |1 - d / focus| times the light's size. A directional light is sharp at
        sps_light.position. */
     double focus;
@@ -538,9 +538,9 @@ typedef struct sps_projector {
 } sps_projector;
 
 /* A light. Area lights cast penumbrae, but gas scatters their light as if from the centre; size 0 matches a point or
-   directional light bit for bit. Sheets shadow gas in slabs perpendicular to the half vector of eye and light. All rays
-   of both through gas must cross the slabs at a cosine of 0.1 or more. Otherwise (a point light in or near a volume, a
-   very wide camera) see shadow_source. Polygons have no such limit. */
+   directional light bit for bit. Sheets shadow gas in slabs perpendicular to the half vector of eye and light. In
+   gas, the cosine between the slab normal and any ray of either must be at least 0.1. Otherwise (a point light in or
+   near a volume, a very wide camera) see shadow_source. Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
     sps_light_kind kind;
@@ -561,14 +561,14 @@ typedef struct sps_light {
     /* NULL: none. Otherwise a texture projected along `direction`. Borrowed for the call. */
     const sps_projector *projector;
     /* Sample points of an area light, up to 256; 0: 8, 16, 32 or 64 by quality (sps_reference: 64). Cost is
-       proportional, error almost inversely so. */
+       proportional to them, error almost inversely. */
     int samples;
     int no_shadow; /* 1: casts no shadow, and has only single scattering in gas */
     /* NULL: see shadow_source. Otherwise shadows in gas come from a map with these settings (all zero: a table). Each
-       call evaluates maps of other techniques into a table with three planes per two texel widths: at most 256, or 16
+       call evaluates maps of other techniques into a table with three planes per two texel widths: at most 256, and 16
        per component of techniques without lists. Evenly spaced OPACITY planes without `cubic` become the table's.
        byte_budget limits the table. A map has no slicing limit, and takes six faces around a point light amid gas.
-       near_depth, far_depth and surface_bias must be 0. An error for area lights. If all volumes have a revision, the
+       near_depth, far_depth and surface_bias must be 0. Area lights: an error. If all volumes have a revision, the
        next call reuses a table of the same gas; a failing call may release it. With too few components, dense or
        surface-shaded volumes show blotches. Borrowed for the call. */
     const sps_tmap_settings *shadow_map;
@@ -641,11 +641,11 @@ typedef enum sps_scattering {
        time. */
     SPS_SCATTERING_FORWARD,
     /* FORWARD, plus sideways spreading from sheet to sheet of each light, by Gaussian kernels whose variance the phase
-       function sets. Beams have halos; polygons receive this light and block it. Area lights spread from their centre.
-       Cached like MULTIPLE. Cost: another pass of sheets per light. [Zhang & Crawfis; Eyges 1948] */
+       function sets. Beams have halos; polygons receive this light and block it. Area lights spread as if from their
+       centre. Cached like MULTIPLE. Cost: another pass of sheets per light. [Zhang & Crawfis; Eyges 1948] */
     SPS_SCATTERING_CONVOLUTION,
     /* Multiple scattering in every direction, on one to four grids of cubic cells around all gas. Adds backscattered
-       light, light from gas to gas, emission and ambient light; straight paths as in FORWARD. Opaque polygons block
+       light, light from gas to gas, emission and ambient light; small angles as in FORWARD. Opaque polygons block
        light between cells and reflect it by the mesh's albedo; translucent ones let it pass. Area lights illuminate
        cells from their centre; lights without shadows reach cells only via polygons. Cells are reused for any camera if
        nothing else has changed, every volume and mesh has a revision, and no light has a projector. [Discrete
@@ -653,16 +653,16 @@ typedef enum sps_scattering {
     SPS_SCATTERING_MULTIPLE
 } sps_scattering;
 
-/* How voxels fill the sheets of eye, lights and maps. Also how classified ones fill cells and CONVOLUTION's sheets.
+/* How voxels fill the sheets of eye, lights and maps, and classified ones also cells and CONVOLUTION's sheets.
    Particles are always splatted. */
 typedef enum sps_filling {
-    /* The cheaper one for each volume and pass. The choice, and so the picture, may change from frame to frame, mostly
-       by 0.1 % for gas and 1 % if classified. Ignores memory_limit. */
+    /* The cheaper one for each volume and pass. The choice may change between frames, and the picture with it,
+       typically by 0.1 % for gas and 1 % if classified. Ignores memory_limit. */
     SPS_FILLING_AUTO = 0,
     /* Voxel by voxel: cost is proportional to relevant voxels. Surface shading needs GATHER's memory, for normals. */
     SPS_FILLING_SPLAT,
     /* Pixel by pixel: cost is proportional to pixels times slabs; 4100 bytes per brick of 8^3 voxels (6900 at high and
-       ultra). Mostly faster unless voxels are scattered. Some volumes are splatted nevertheless: docs/manual.md,
+       ultra). Usually faster, unless voxels are sparse. Some volumes are splatted nevertheless: docs/manual.md,
        section 4. */
     SPS_FILLING_GATHER
 } sps_filling;
@@ -682,7 +682,7 @@ typedef struct sps_view {
     double slab_thickness;
     /* Texels on the longer side of a light's sheets, and of the depth map for polygons' shadows in gas, up to 16384. 0:
        from quality, and fewer where pixels are wide (sps_quality). That depth map has at least 512, 1024, 2048 or 4096
-       by quality, except in small images. Without volumes, sheets have no more than that. Shadows on polygons have no
+       by quality, except in small images. Without volumes, sheets have no more than it. Shadows on polygons have no
        texels. */
     int shadow_resolution;
     int no_shadows; /* 1: as if every light had no_shadow */
@@ -699,11 +699,11 @@ typedef struct sps_view {
        Dense gas: error is proportional to a cell's optical depth. CONVOLUTION: half the texels across a light's
        sheets. */
     int scattering_resolution;
-    /* SPS_SCATTERING_AUTO: single scattering if further scattering carries at most this fraction of its energy, 0..1;
+    /* SPS_SCATTERING_AUTO: single scattering if higher orders carry at most this fraction of its energy, 0..1;
        0: 0.01. Scattering or emitting gas with polygons is always MULTIPLE. */
     float scattering_tolerance;
     sps_filling filling; /* 0: SPS_FILLING_AUTO */
-    /* Limit on the whole call, in clock_fn seconds, or 0. Chooses quality, slab_thickness, tolerance and
+    /* Time limit of the whole call, in clock_fn seconds, or 0. Chooses quality, slab_thickness, tolerance and
        scattering_resolution, which must be 0, and `samples` of lights where 0. Takes the setting of least expected
        error that fits, else the fastest, with a message. */
     double budget_seconds;
@@ -736,7 +736,7 @@ typedef struct sps_reference_settings {
        ambient light. Unbiased; noise falls as 1 / sqrt(samples). Paths use the mesh's albedo, not shade_fn. */
     int samples;
     uint64_t seed; /* seed of the paths; the same seed gives the same image for any number of workers */
-    /* Optional, with 2 samples or more: estimated standard error of radiance, three floats per pixel, laid out as the
+    /* Optional, with 2 samples or more: estimated standard error of radiance, three floats per pixel, laid out like the
        image. Written on SPS_OK only. */
     float *error;
     /* Optional, both or neither, two buffers of three floats per pixel, laid out like the image. They bound singly
@@ -755,7 +755,7 @@ typedef struct sps_budget_report {
     sps_quality quality; /* chosen, as in sps_view; slab_thickness 0: from quality */
     double slab_thickness;
     float tolerance;
-    int samples, scattering_resolution; /* 0: no area light left it open; single scattering */
+    int samples, scattering_resolution; /* 0: no area light without `samples`; single scattering */
 } sps_budget_report;
 
 typedef enum sps_pass {
@@ -767,7 +767,7 @@ typedef enum sps_pass {
     SPS_PASS_LIGHT_POLYGONS, /* rasterises depth maps for gas, per shadowing light without penumbrae, even if empty */
     SPS_PASS_TRIANGLE_TREE,  /* builds a tree for shadow rays */
     SPS_PASS_SHADOW_RAYS,    /* traces rays from polygons to each shadowing light */
-    SPS_PASS_EYE_SHEETS,     /* fills the eye's sheets, per sweep; twice if backlit, with multiple scattering */
+    SPS_PASS_EYE_SHEETS,     /* fills the eye's sheets, per sweep; with multiple scattering, twice if backlit */
     SPS_PASS_LIGHT_SHEETS,   /* fills the sheets of each shadowing light without a map */
     SPS_PASS_LIGHT_MAPS,     /* makes maps and tables of shadowing lights; runs include cached tables */
     SPS_PASS_PENUMBRAE,      /* traces sample points of area lights through sheets */
@@ -783,7 +783,7 @@ typedef enum sps_pass {
 } sps_pass;
 
 typedef struct sps_pass_report {
-    int runs;           /* number of times that the pass runs; 0: skipped */
+    int runs;           /* how often the pass runs; 0: skipped */
     const char *reason; /* why it runs or is skipped; a static string */
     size_t bytes;       /* upper bound, excluding pixels' layers and maps' lists */
 } sps_pass_report;
@@ -810,8 +810,8 @@ typedef struct sps_plan_report {
     sps_budget_report budget;
     /* Upper bound on the context's memory during sps_render, with image.depth and cached data. It excludes layers of
        pixels and texels, and lists of maps, which may be several times as much. At most twice the actual use if volumes
-       are cached, unless no triangle meets a light's depth map, or scattered light is cached, too. Otherwise volumes
-       count as full boxes. */
+       are cached, except when no triangle meets a light's depth map or scattered light is cached. If volumes are not
+       cached, they count as full boxes. */
     size_t bytes;
 } sps_plan_report;
 
@@ -827,7 +827,7 @@ typedef struct sps_stats_report {
     uint64_t voxels_read, voxels_relevant, bricks, values_replaced;
     uint64_t triangles, triangles_degenerate, pixels_of_polygons;
     uint64_t surface_points; /* passed to shade_fn */
-    uint64_t layers;         /* translucent polygons of pixels, and polygons at edges with coverage_samples */
+    uint64_t layers;         /* translucent polygons in pixels; with coverage_samples, also polygons at edges */
     uint64_t shadow_rays;    /* rays from pixels' polygons to lights, including unoccluded ones */
     uint64_t particles;      /* particles of non-zero radius and optical depth */
     /* Transmittance maps: particles outside near_depth..far_depth; message_fn reports these, and such voxels. */
@@ -846,7 +846,7 @@ typedef struct sps_stats_report {
     /* Cells lit and solved; SPS_SCATTERING_CONVOLUTION: texels of all lights' sheets. 0: cached, or not needed. */
     uint64_t cells;
     double scatter_bound; /* SPS_SCATTERING_AUTO: bound on multiple relative to single scattering; at most 1e6 */
-    /* Texels times planes times points of lights that cast penumbrae on gas; 0: all shadows in gas were hard. */
+    /* Texels times planes times points of lights that cast penumbrae in gas; 0: all shadows in gas were hard. */
     uint64_t soft_texels;
     uint64_t pixels_shaded;   /* pixels times slabs that contain something */
     uint64_t tiles_finished;  /* tiles that became opaque before the last slab */
@@ -877,7 +877,7 @@ typedef struct sps_tmap_info {
     int item_floats;    /* floats per texel in sps_tmap_texels; deep, compressed: per interval or node */
     size_t texel_count; /* all faces; also the length of sps_tmap_surfaces; sps_tmap_starts has one more */
     size_t float_count; /* length of sps_tmap_texels; deep, compressed: 0 before sps_tmap_finish */
-    /* Memory of the map, except up to 32 per allocation. Before sps_tmap_finish, it excludes intervals, nodes and
+    /* Memory of the map, except up to 32 bytes per allocation. Before sps_tmap_finish, it excludes intervals, nodes and
        surfaces (4 per texel). */
     size_t bytes;
     sps_tmap_settings settings; /* resolved: never SPS_TMAP_DEFAULT, actual components; planes belong to the map */
@@ -963,7 +963,7 @@ SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float
 
 /* The read_fn of a mesh whose `user` is an sps_indexed_mesh. Missing normals and albedos keep their values in `out`.
    Threads: see sps_grid. If this is read_fn, the library checks all but the indices first and returns ARGUMENT. Returns
-   0, or for callbacks that wrap it 1: a field is wrong (NULL, canary, vertex_count 0, both kinds of indices); 2: too
+   0; for callbacks that wrap it, also 1: a field is wrong (NULL, canary, vertex_count 0, both kinds of indices); 2: too
    few triangles. 3: an index is not below vertex_count; the call fails as CALLBACK. */
 SPS_API int sps_indexed_mesh_read(void *indexed, size_t first, size_t count, sps_triangle *out);
 
@@ -999,14 +999,15 @@ SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, cons
                                          float *optical_depths, float *transmittances);
 
 /* Writes conservative bounds on optical depth along the texels' rays, up to round-off. Fourier and depth maps, and
-   compressed ones with components, have none: 0 and 1e15. Kernels count as cut by `quality`, about 1 % of optical depth
-   at medium (docs/manual.md, section 12). least or most may be NULL. Threads and errors as for sps_tmap_query. */
+   compressed ones with components, have none: 0 and 1e15. They hold for kernels as cut by `quality`: at medium, within
+   about 1 % of the true depth (docs/manual.md, section 12). least or most may be NULL. Threads and errors as for
+   sps_tmap_query. */
 SPS_API sps_result sps_tmap_bounds(const sps_tmap *map, size_t count, const double *positions, float *least,
                                     float *most);
 
 /* Returns the texels to upload, rows from the top, `components` floats each. Deep maps have intervals (u0, u1, optical
    depth, softness), compressed maps nodes (u, transmittance), texel after texel. Softness is 0 for uniform density, 1
-   for a soft particle's chord, less if the light lies inside it. Depth outside u = 0..1 counts at 0 or 1. Six faces
+   for a soft particle's chord, less if the light lies inside it. Gas outside u = 0..1 counts at 0 or 1. Six faces
    follow each other, +x -x +y -y +z -z. Columns and rows run along the next two axes, y z, z x or x y. Centres of
    outermost texels lie on the cube's edges: not a hardware cube map. Valid until sps_tmap_destroy; NULL before
    sps_tmap_finish. examples/shaders/ samples them as sps_tmap_query does. */
@@ -1088,7 +1089,7 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_NOINLINE static
 #endif
 
-/* Marks loops that compilers would unroll up to eight times without gain. GCC takes it only before simple
+/* Marks loops that compilers would unroll up to eight times without gain. GCC accepts it only on loops with simple
    conditions. */
 #ifdef __clang__
 #define SPSI_ROLLED _Pragma("clang loop unroll(disable) vectorize(disable)")
@@ -1127,7 +1128,7 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_BRICK       8  /* voxels on a side; unit of binning */
 #define SPSI_BRICK_BITS  3
 #define SPSI_BLOCK       32 /* voxels on a side; unit of reading */
-#define SPSI_MARGIN      3  /* voxels around a block, to find which voxels a transfer function shows */
+#define SPSI_MARGIN      3  /* voxels around a block, to find which voxels a transfer function makes visible */
 
 /* ================================================================================================= >>simd
    2  Float vectors (spsi_v) and masks (spsi_m) of SPSI_LANES lanes. Only this section names instruction sets. Results
@@ -1644,7 +1645,7 @@ static int spsi_normalise(double a[3]) {
     return 1;
 }
 
-/* Unit vectors perpendicular to the unit vector n; `x` is near the axis of n's smallest component. */
+/* Unit vectors perpendicular to the unit vector n; `x` is close to the axis of n's smallest component. */
 static void spsi_basis(const double n[3], double x[3], double y[3]) {
     const double ax = fabs(n[0]), ay = fabs(n[1]), az = fabs(n[2]);
     const int least = ax <= ay && ax <= az ? 0 : ay <= az ? 1 : 2;
@@ -1672,7 +1673,7 @@ static int spsi_invert(const double a[3], const double b[3], const double c[3], 
     return 1;
 }
 
-/* First unusable coordinate, or NULL. */
+/* First coordinate out of range, or NULL. */
 static const double *spsi_bad_coordinate(const double *values, int count) {
     for (int i = 0; i < count; ++i)
         if (!(fabs(values[i]) <= SPSI_COORDINATE_MAX)) return &values[i];
@@ -1770,7 +1771,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_CELL_TMAPS,
     SPSI_BUFFER_CELL_SOLVER,
     SPSI_BUFFER_CELL_WALLS,
-    SPSI_BUFFER_CELL_MOMENTS, /* light, and radiance toward the eye */
+    SPSI_BUFFER_CELL_MOMENTS, /* moments, and radiance towards the eye */
     SPSI_BUFFER_FLIGHTS,      /* >>flights */
     SPSI_BUFFER_EMITTERS,
     SPSI_BUFFER_FLIGHT_NODES,
@@ -1804,7 +1805,7 @@ typedef struct spsi_buffer {
 
 /* Header of each allocation. The context lists them all, so none leaks if a callback jumps out. */
 typedef struct spsi_link {
-    struct spsi_link *next, **from; /* from: the pointer to this link */
+    struct spsi_link *next, **from; /* from: the pointer that holds this link */
     size_t bytes;                   /* including this header */
 } spsi_link;
 
@@ -2048,7 +2049,7 @@ SPSI_COLD void spsi_release(sps_context *context, void *data) {
     spsi_free(context, link, link->bytes);
 }
 
-/* Allocates all memory but the context. Overflow, memory_limit and a failing allocator are one error, and return
+/* Allocates all memory except the context. Overflow, memory_limit and a failing allocator are one error, and return
    NULL. */
 SPSI_COLD void *spsi_acquire(sps_context *context, size_t count, size_t size) {
     const size_t limit = context->config.memory_limit, bytes = count * size + SPSI_LINK_BYTES;
@@ -2141,7 +2142,7 @@ static void spsi_bytes_add(size_t *bytes, size_t count, size_t size) {
     *bytes = count > (SIZE_MAX - *bytes) / size ? SIZE_MAX : *bytes + count * size;
 }
 
-/* Reserves a numbered buffer. For a plan, only counts the bytes that exceed the buffer's earlier counts, and returns
+/* Reserves a numbered buffer. For a plan, only counts the bytes beyond the buffer's earlier maximum, and returns
    NULL without an error. */
 SPSI_COLD void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count, size_t size) {
     size_t bytes = SPSI_LINK_BYTES;
@@ -2249,7 +2250,7 @@ SPSI_COLD double spsi_call_stage_done(const spsi_call_stage *part, double fracti
 #define SPSI_PROGRESS_TMAP   0.3
 #define SPSI_PROGRESS_CELLS  0.2
 
-#define SPSI_BATCH 256 /* small items per task, to hide its overhead */
+#define SPSI_BATCH 256 /* small items per task, to amortise its overhead */
 
 typedef void (*spsi_item_fn)(void *data, int item);
 
@@ -2343,7 +2344,7 @@ static inline spsi_v spsi_mean_transmittance(spsi_v a, spsi_v b) {
                     spsi_select(spsi_less(d, spsi_set(0.25f)), series, quotient));
 }
 
-/* spsi_mean_transmittance from exp(-a) and exp(-b); error 4e-7. */
+/* spsi_mean_transmittance, given exp(-a) and exp(-b); error 4e-7. */
 static inline spsi_v spsi_mean_enclosure(spsi_v a, spsi_v b, spsi_v through_a, spsi_v through_b) {
     const spsi_v d = spsi_sub(b, a), square = spsi_mul(d, d), least = spsi_set(0.25f);
     const spsi_m near_by = spsi_less(spsi_abs(d), least);
@@ -2532,9 +2533,9 @@ SPSI_COLD int spsi_rays_of_cube_face(const double position[3], int face, int siz
     return spsi_rays_complete(rays);
 }
 
-/* Rays from rows 0, 1 and 3 of a world-to-clip matrix; perspective ignores row 2, the depth convention. Rays lie in
-   planes (r0 - X r3) p = 0, (r1 - Y r3) p = 0; directions are linear in X, Y. Orthographic rays start at clip depth -1,
-   unless that plane is over 1e12 pixels away (imprecise). A near plane at clip depth 0 gives positive distances,
+/* Rays from rows 0, 1 and 3 of a world-to-clip matrix; perspective ignores row 2, the depth convention. A ray is where
+   (r0 - X r3) p = 0 and (r1 - Y r3) p = 0; directions are linear in X, Y. Orthographic rays start at clip depth -1,
+   unless that plane is over 1e12 pixels away (imprecise). With a near plane at clip depth 0, distances are positive,
    too. */
 SPSI_COLD int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
     const double *r0 = m, *r1 = m + 4, *r3 = m + 12;
@@ -2571,8 +2572,8 @@ SPSI_COLD int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
     return spsi_rays_complete(rays);
 }
 
-/* Signs of a camera matrix in m, summed. 1: depth is a function of w, as row 2 is parallel to row 3, or 0 (infinite
-   reversed depth). 2: w is in world units, as row 3 has length 1 or is 0 0 0 1. */
+/* Sum of two signs that m is a camera matrix. 1: depth is a function of w, as row 2 is parallel to row 3, or 0
+   (infinite reversed depth). 2: w is in world units, as row 3 has length 1 or is 0 0 0 1. */
 static int spsi_camera_signs(const double m[16]) {
     const double *depth = m + 8, *w = m + 12, sideways = spsi_length(m) + spsi_length(m + 4);
     const double size = spsi_length(depth), unit = spsi_length(w);
@@ -2667,7 +2668,7 @@ static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) 
 
 /* ============================================================================================= >>transfer
    7  Materials. A medium scatters albedo * extinction * value by Henyey-Greenstein lobes; a transfer function maps
-   value to albedo and extinction. */
+   values to albedo and extinction. */
 
 #define SPSI_TABLE_SIZE 2048
 
@@ -2701,7 +2702,7 @@ typedef struct spsi_material {
     const spsi_forward *forward; /* NULL: single scattering */
 } spsi_material;
 
-/* Henyey-Greenstein [1941]; the denominator's square is at least (1 - |g|)^2 > 0. */
+/* Henyey-Greenstein [1941]. `square`, 1 + g^2 - 2 g c, is at least (1 - |g|)^2 > 0. */
 static inline spsi_v spsi_lobe_phase(float g, spsi_v cosine) {
     const spsi_v square =
         spsi_max(spsi_set((1 - g) * (1 - g) < (1 + g) * (1 + g) ? (1 - g) * (1 - g) : (1 + g) * (1 + g)),
@@ -2723,9 +2724,9 @@ static double spsi_phase_moment(const spsi_material *material, int l) {
     return sum;
 }
 
-/* Angular orders between cells, >>cells: 1 if scattering is isotropic or absent, 2 for weak lobes, else 4. Two turn a
-   lobe of asymmetry 0.5 into 1 + cosine, without backscattering. At the gas's rim, with the light behind the eye, they
-   miss 17 % at asymmetry 0.49, 2 % at 0.2. */
+/* Angular orders between cells, >>cells: 1 if scattering is isotropic or absent, 2 for weak lobes, else 4. Two orders
+   turn a lobe of asymmetry 0.5 into 1 + cosine, without backscattering. At the gas's rim, with the light behind the
+   eye, they lose 17 % at asymmetry 0.49, 2 % at 0.2. */
 SPSI_COLD int spsi_phase_orders(const spsi_material *material) {
     const double second = spsi_phase_moment(material, 2);
     if (!material->scatters || (second == 0 && spsi_phase_moment(material, 1) == 0)) return 1;
@@ -2871,7 +2872,7 @@ static int spsi_transfer_shows(const spsi_material *material, float high) {
 
 /* ======================================================================================== >>transmittance
    8  Optical depth along a ray (u = 0 to 1) of a transmittance map, by technique. Intervals are uniform or have a
-   soft particle's density 1 - s^2. Their sum is a curve whose jumps only lists keep exactly.
+   soft particle's density 1 - s^2. Their sum is a curve whose jumps only lists represent exactly.
 
    Sums take intervals in any order, a vector of texels at a time.
        opacity planes, deep opacity planes    [Kim & Neumann 2001; Yuksel & Keyser 2008; cubics: Steffen 1990].
@@ -2887,7 +2888,7 @@ static int spsi_transfer_shows(const spsi_material *material, float high) {
 #define SPSI_SOFT_EPSILON    0.001f /* minimum epsilon with soft intervals */
 
 /* Interval u0..u1 of a ray: uniform (soft 0), or density 1 - s^2, s = -1 to 1 (soft 1). If the light is inside the
-   particle, it is the chord's last fraction, `soft`. Ends may exceed 0..1; depth outside counts at 0 or 1. */
+   particle, only the chord's last fraction, `soft`, remains. Ends may exceed 0..1; depth outside counts at 0 or 1. */
 typedef struct spsi_interval {
     float u0, u1, depth, soft;
 } spsi_interval;
@@ -2914,7 +2915,7 @@ typedef struct spsi_technique {
     const char *name;             /* with article, for errors */
     int least, most, step, usual; /* components: minimum, maximum, step, default */
     size_t lists;                 /* bytes per list item; 0: no lists */
-    /* 1: cut soft intervals have no closed form, so they are inserted as points. 0: ends may exceed 0..1. */
+    /* 1: intervals are clipped to 0..1; clipped soft ones, lacking a closed form, become points. 0: not clipped. */
     int points;
     /* 1: the first two components are the u of a texel's first and last occluder; functions below get the others and
        the remapped u. -1: settings->texel_range decides. */
@@ -3123,8 +3124,8 @@ static void spsi_curve_advance(spsi_curve *curve, float end) {
     curve->u = end;
 }
 
-/* An interval's two ends, clamped to 0..1. At each u0, the slope changes by depth / u1 (negative at the second), and
-   the curve jumps by `soft`. */
+/* An interval's two ends, clamped to 0..1. At an end's u0, the slope changes by depth / u1 (negative at the second),
+   and the curve jumps by `soft`. */
 static void spsi_curve_ends(const spsi_interval *interval, spsi_interval ends[2]) {
     const float depth = spsi_fmin(interval->depth, SPSI_DEPTH_MAX), length = interval->u1 - interval->u0;
     const float first = spsi_fmax(spsi_fmin(interval->u0, 1), 0), last = spsi_fmax(spsi_fmin(interval->u1, 1), 0);
@@ -3200,7 +3201,7 @@ static inline float spsi_plane(const sps_tmap_settings *settings, int i) {
     return settings->planes ? settings->planes[i] : (float)(i + 1) / (float)settings->components;
 }
 
-/* First plane at or behind u, or the last. The search among even planes starts one early, against round-off. */
+/* First plane at or behind u, or the last. With even spacing, the search starts one early, against round-off. */
 static int spsi_plane_from(const sps_tmap_settings *settings, float u) {
     const int last = settings->components - 1;
     int i = settings->planes ? 0 : spsi_imax((int)(u * (float)settings->components) - 1, 0);
@@ -3218,7 +3219,7 @@ static void spsi_opacity_insert(const sps_tmap_settings *settings, float *sums, 
     if (settings->components == 1 || !spsi_intervals_extent(intervals, &first, &end)) return;
     const int last = spsi_plane_from(settings, end);
     SPSI_ROLLED for (int i = spsi_plane_from(settings, first); i <= last; ++i) {
-        spsi_v share = spsi_set(1); /* the last plane counts everything behind it */
+        spsi_v share = spsi_set(1); /* the last plane includes everything behind it */
         if (i < settings->components - 1) share = spsi_intervals_before(intervals, spsi_set(spsi_plane(settings, i)));
         share = spsi_max(share, before);
         spsi_accumulate(sums + (size_t)i * stride, spsi_mul(depth, spsi_sub(share, before)));
@@ -3237,7 +3238,7 @@ static void spsi_opacity_finish(const sps_tmap_settings *settings, float *texel)
 /* a / b, or 0 for two planes at the same u. */
 static inline float spsi_ratio(float a, float b) { return b > 0 ? a / b : 0; }
 
-/* Curves interpolate planes; plane -1 is at u = 0, with depth 0. */
+/* Curves interpolate the planes; plane -1 is at u = 0, with depth 0. */
 static inline float spsi_knot_u(const sps_tmap_settings *settings, int i) {
     return i < 0 ? 0 : spsi_plane(settings, i);
 }
@@ -3306,7 +3307,7 @@ static inline spsi_v spsi_fourier_spread(spsi_v x, spsi_v c, spsi_v s, float sof
     return spsi_select(spsi_less(x, spsi_set(2)), series, closed);
 }
 
-/* a_k += 2 t cos(2 pi k m) spread_k, b_k with the sine. */
+/* a_k += 2 t cos(2 pi k m) spread_k for optical depth t; b_k likewise with sin. */
 static void spsi_fourier_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
                                 const spsi_intervals *intervals) {
     const spsi_v middle = spsi_mul(spsi_set(0.5f), spsi_add(intervals->u0, intervals->u1));
@@ -3392,8 +3393,8 @@ static void spsi_compressed_bracket(const sps_tmap_settings *settings, const sps
 
 /* ---- transmittance as a polyline ---- */
 
-/* Cuts a piece at even steps of sqrt(T), to keep chords of T within step^2 above the exponential. From T = a^2 to b^2
-   the error is at most (a - b)^2, half that for small steps. */
+/* Cuts a piece at even steps of sqrt(T), so that chords of T exceed the exponential by at most step^2. From T = a^2 to
+   b^2, the error is at most (a - b)^2, half that for small steps. */
 typedef struct spsi_cuts {
     spsi_piece piece;
     float u;             /* last cut */
@@ -3411,7 +3412,7 @@ static void spsi_cuts_piece(spsi_cuts *cuts, const spsi_node *curve, int i) {
     cuts->end = exp(-cuts->piece.t1);
 }
 
-/* Finds the next cut; 0: the piece's end. Cuts round down, but advance by at least one float. */
+/* Finds the next cut. Returns 0 at the piece's end. Cuts round down, but advance by at least one float. */
 static int spsi_cuts_next(spsi_cuts *cuts, double step) {
     const spsi_piece *piece = &cuts->piece;
     const double length = piece->u1 - piece->u0, more = piece->t1 - piece->t0, root = sqrt(cuts->through) - step;
@@ -3443,7 +3444,7 @@ static void spsi_compressor_node(spsi_compressor *c, double u, double through) {
     c->high = 0; /* T never rises */
 }
 
-/* Ends the line at the last cut, as close to its T as slopes allow. */
+/* Ends the line at the last cut, as close to its T as the slopes allow. */
 static void spsi_compressor_end(spsi_compressor *c) {
     const spsi_node *from = &c->out[c->count - 1];
     const double length = c->last_u - (double)from->u, start = (double)from->value;
@@ -3452,7 +3453,7 @@ static void spsi_compressor_end(spsi_compressor *c) {
     spsi_compressor_node(c, c->last_u, spsi_dmax(start + slope * length, 0));
 }
 
-/* Returns 0, with slopes unchanged, if none fits the cut. */
+/* Narrows the range of slopes to pass the cut. Returns 0, leaving it unchanged, if no slope does. */
 static int spsi_compressor_allows(spsi_compressor *c, double u, double through) {
     const spsi_node *from = &c->out[c->count - 1];
     const double length = u - (double)from->u, start = (double)from->value;
@@ -3765,8 +3766,8 @@ SPSI_COLD int spsi_components_of(const sps_tmap_settings *settings) {
 }
 
 /* ================================================================================================ >>scene
-   9  The frame: checked scene and view, all defaults resolved; later chapters need not interpret zeros. Only a light's
-   map size may stay 0 until the medium has been read. */
+   9  The frame: checked scene and view, all defaults resolved; later chapters need not interpret zeros. Only shadow
+   resolutions may stay 0 until media have been read. */
 
 typedef struct spsi_lattice {
     int medium;
@@ -3870,7 +3871,7 @@ typedef struct spsi_accuracy {
     double cut;           /* kernel radius in standard deviations */
     double light_cut;     /* cut of classified volumes in light sheets */
     int light_points;     /* points per area light */
-    double flight_angle;  /* maximum angle of an emitter node, radians, >>flights */
+    double flight_angle;  /* maximum angle that an emitter node subtends, radians */
 } spsi_accuracy;
 
 typedef struct spsi_particle_sets {
@@ -3907,7 +3908,7 @@ typedef struct spsi_lights {
     spsi_light *split_points; /* room for copied points */
     int shadow_count;
     int sliced_count; /* each needs a sweep */
-    int image_count;  /* with cookies */
+    int image_count;  /* cookies */
 } spsi_lights;
 
 #define SPSI_IMAGE_LEVELS 25 /* 4096 x 4096, halved one axis at a time */
@@ -3948,11 +3949,11 @@ typedef struct spsi_cell_grid {
     float *flown;   /* likewise, first flights alone; NULL: none, >>flights */
     float *trapped; /* per channel: trapped emission, then the first-flight light it replaces */
     float *seen;    /* per material and channel: radiance towards the eye per scattering depth */
-    int flux_terms; /* degrees 0 to 2; 0: no polygons */
+    int flux_terms; /* terms of degrees 0 to 2; 0: no polygons */
     float *flux;    /* per channel and term: moments for lighting polygons */
     float *patches; /* geometry, flux and harmonics, >>cells */
     float *thick;   /* per channel: mean depth per edge */
-    float *scale;   /* per channel: mean extinction scale without peak */
+    float *scale;   /* per channel: mean fraction of extinction without peak */
     float *pyramid; /* mip levels of depth: all media, then per material; NULL: no flights */
     size_t pyramid_rows; /* per pyramid */
 } spsi_cell_grid;
@@ -3980,7 +3981,7 @@ typedef struct spsi_emitter {
 typedef struct spsi_flight_node {
     spsi_emitter sum;
     float reach; /* radius of the bounding sphere */
-    float breadth; /* diameter, up to 4 times if dense, 9 if curved */
+    float breadth; /* diameter, times up to 4 if dense, 9 if curved */
     float leaves[3]
                 [SPSI_FLIGHT_SEGMENTS]; /* fraction escaping the bounding sphere */
     int first, count;
@@ -4002,7 +4003,7 @@ typedef struct spsi_flights {
 } spsi_flights;
 
 #define SPSI_SAMPLER_STEPS   1024 /* tabulated positions between voxels, >>sampler */
-#define SPSI_PYRAMID_REACHES 3    /* sampling distances from visible voxels */
+#define SPSI_PYRAMID_REACHES 3    /* choices of sampling distance from visible voxels */
 #define SPSI_LEVELS        12   /* coarser levels; each doubles voxel edges */
 
 /* A plane is a brick's layer, apron included; vertical neighbours share planes. The first plane is zero. */
@@ -4025,7 +4026,7 @@ typedef struct spsi_pyramid_level {
     float *values;        /* planes */
     uint32_t (
         *cells[SPSI_PYRAMID_REACHES])[2]; /* per brick: mask of 2^3-voxel cells to sample; unclassified: one reach */
-    float *bends; /* third derivative bounds per brick octant, maximum over 2^3 octants */
+    float *bends; /* per brick octant: bound on third derivatives in it and the next octants */
 } spsi_pyramid_level;
 
 typedef struct spsi_pyramid {
@@ -4051,7 +4052,7 @@ typedef struct spsi_content {
     float flies[SPSI_MATERIALS_MAX]; /* per material: emission fraction always sent by first flights */
     double particle_radius;        /* geometric mean */
     double particle_spread;        /* RMS distance from their mean */
-    double particle_extinction;    /* mean of single or mixed particles, whichever is larger */
+    double particle_extinction;    /* mean within particles or of the cloud, whichever is larger */
     const spsi_image *images;      /* cookies */
     spsi_pyramid *fields;          /* NULL: all splatted */
     float levels[SPSI_VOLUMES_MAX]; /* per medium: level + weight of the next; -1: splatted */
@@ -4123,15 +4124,15 @@ static void spsi_voxel_position(const spsi_lattice *lattice, const double at[3],
     spsi_along(point, lattice->step[2], at[2], point);
 }
 
-/* Kernel width along unit direction s: sqrt(s' V V' s), a cubic voxel's edge. */
+/* Kernel width along unit direction s: sqrt(s' V V' s); for a cubic voxel, its edge. */
 SPSI_COLD double spsi_voxel_extent(const spsi_lattice *lattice, const double s[3]) {
     double sum = 0;
     for (int i = 0; i < 3; ++i) sum += spsi_dot(lattice->step[i], s) * spsi_dot(lattice->step[i], s);
     return sqrt(sum);
 }
 
-/* Minimum kernel width in the plane of perpendicular unit vectors: root of the smaller eigenvalue of (x, y)' V V' (x,
-   y). */
+/* Minimum kernel width in the plane of perpendicular unit vectors: square root of the smaller eigenvalue of (x, y)' V
+   V' (x, y). */
 SPSI_COLD double spsi_voxel_breadth(const spsi_lattice *lattice, const double x[3], const double y[3]) {
     double xx = 0, xy = 0, yy = 0;
     for (int i = 0; i < 3; ++i) {
@@ -4617,7 +4618,7 @@ SPSI_COLD void spsi_material_lobes(const sps_lobe *lobes, int count, spsi_materi
     }
 }
 
-/* Adds ambient light that stands in for multiple scattering. */
+/* Sets the ambient light that approximates multiple scattering. */
 SPSI_COLD void spsi_material_ambient(const spsi_frame *frame, const float ambient[3], spsi_material *material) {
     if (material->scatters && frame->view.scattering == SPS_SCATTERING_AMBIENT)
         memcpy(material->ambient, ambient, sizeof material->ambient);
@@ -4912,7 +4913,7 @@ SPSI_COLD void spsi_light_build(const spsi_frame *frame, const sps_light *given,
 
 #define SPSI_TABLES_MOST 13 /* per area light */
 
-/* Squared distance varies slowly: few points suffice, except with cones and cookies. */
+/* Squared distance varies slowly: few points suffice in media, except with cones and cookies. */
 SPSI_COLD sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
     size_t count = 0;
     for (int i = 0; i < frame->lights.count; ++i) {

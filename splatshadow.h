@@ -220,7 +220,7 @@ typedef struct sps_config {
     void (*free_fn)(void *user, void *pointer, size_t size); /* `size` is the one passed to alloc_fn */
     sps_parallel_for_fn parallel_for_fn;                     /* NULL: everything runs on the calling thread */
     int worker_count;                                        /* 1..1024 with parallel_for_fn; 0 means 1 */
-    /* Called about every 10 ms (clock_fn, else SPS_CLOCK) and at the end. `fraction` is 0..1 and never decreases.
+    /* Called about every 10 ms (by clock_fn, else SPS_CLOCK) and at the end. `fraction` is 0..1 and never decreases.
        Returning non-zero cancels the call soon. With parallel_for_fn, set clock_fn too, or synchronisation takes up to
        a sixth of a frame. */
     int (*progress_fn)(void *user, float fraction);
@@ -281,7 +281,7 @@ typedef struct sps_volume {
     /* Optional: bounds the values in a block, to skip it without reading. May be too wide, never too narrow; write
        0..1e18 if data may be invalid. */
     int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]);
-    /* Instead of read_fn: writes the values at `positions`: voxel centres in the world, packed triples. */
+    /* Instead of read_fn: writes the values at voxel centres; `positions` are packed triples in world space. */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
     /* Non-zero: several workers may call read_fn, range_fn and eval_fn at once, in any order. They must lock whatever
@@ -514,7 +514,7 @@ typedef enum sps_shadow_source {
        particles' positions. */
     SPS_SHADOW_AUTO = 0,
     SPS_SHADOW_SHEETS, /* SPS_ERROR_UNSUPPORTED where no slabs suit light and camera */
-    SPS_SHADOW_TABLE   /* a table with default settings, of shadow_map_resolution */
+    SPS_SHADOW_TABLE   /* a table with default settings and shadow_map_resolution */
 } sps_shadow_source;
 
 /* Projected texture (cookie): multiplies the light's color, and fades to nothing within a texel of its edges. Lookups
@@ -554,8 +554,8 @@ typedef struct sps_light {
        in all directions, unless there is a cone. */
     double axes[2][3];
     /* All but directional: makes a spotlight. Angles from `direction`, in radians, 0 <= inner < outer <= pi; outer 0:
-       no cone. Intensity is `color` within the inner angle and 0 beyond the outer. Between, it is s^2 color; s rises
-       from 0 to 1 with the cosine [KHR_lights_punctual]. Each point of an area light has this cone. */
+       no cone. Intensity is `color` within the inner angle and 0 beyond the outer. In between, it is s^2 * color; s
+       rises from 0 to 1 with the cosine [KHR_lights_punctual]. Each point of an area light has this cone. */
     double inner_cone, outer_cone;
     sps_falloff falloff; /* all but directional; with SPS_FALLOFF_NONE, `color` is irradiance */
     /* NULL: none. Otherwise a texture projected along `direction`. Borrowed for the call. */
@@ -751,7 +751,7 @@ typedef struct sps_reference_settings {
 typedef struct sps_budget_report {
     int is_met;          /* 1: a budget is set, and expected to be met */
     double seconds;      /* the whole call; sps_render's includes measured reading time */
-    double error;        /* expected upper limit, as in sps_view.budget_error */
+    double error;        /* expected upper bound on sps_view.budget_error's measure */
     sps_quality quality; /* chosen, as in sps_view; slab_thickness 0: from quality */
     double slab_thickness;
     float tolerance;
@@ -830,7 +830,7 @@ typedef struct sps_stats_report {
     uint64_t layers;         /* translucent polygons in pixels; with coverage_samples, also polygons at edges */
     uint64_t shadow_rays;    /* rays from pixels' polygons to lights, including unoccluded ones */
     uint64_t particles;      /* particles of non-zero radius and optical depth */
-    /* Transmittance maps: particles outside near_depth..far_depth; message_fn reports these, and such voxels. */
+    /* Transmittance maps: particles outside near_depth..far_depth; message_fn reports them, and voxels outside. */
     uint64_t particles_outside;
     uint64_t slabs, slabs_empty; /* over all sweeps */
     /* Footprints: splatted voxels and particles, per tile and chunk of slabs. Fragments: their pixels times slabs
@@ -979,7 +979,7 @@ SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *l
    before that. Errors: ARGUMENT (the map is finished; a field of the scene), MEMORY. */
 SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene);
 
-/* Reads the occluders and makes the map. Each texel's ray collects chords of particles, kernels cut at slabs
+/* Reads the occluders and makes the map. Each texel's ray collects chords of particles, kernels split by slabs
    perpendicular to the light's axis, and triangles. Time is proportional to occluders * texels under them * components;
    memory: docs/manual.md, section 12. After a failure the map can only be destroyed. Errors: ARGUMENT (finished
    already), and all of sps_render's. */
@@ -1115,7 +1115,7 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_COORDINATE_MAX 1e15   /* products of squares do not overflow */
 #define SPSI_VALUE_MIN      1e-30f /* smaller values only cause denormals */
 #define SPSI_RADIANCE_MAX   1e30f  /* maximum emission of a sheet; keeps sums finite */
-#define SPSI_DEPTH_MAX      1e15f  /* maximum optical depth, also of polygons; exp(-86) is already 0 */
+#define SPSI_DEPTH_MAX      1e15f  /* maximum optical depth, also of polygons; spsi_exp is 0 beyond 86 */
 #define SPSI_LIGHT_END      16.0f  /* optical depth at which the remaining light, 1e-7, is cut off */
 #define SPSI_FORWARD_END    64.0f  /* cut-off with forward scattering, >>scattering */
 #define SPSI_POINTS_MAX     256    /* per area light */
@@ -1581,7 +1581,7 @@ static inline spsi_v spsi_exp(spsi_v x) {
 }
 
 /* ================================================================================================ >>maths
-   3  Double-precision vectors and matrices. They make positions relative to the camera or first slab before conversion
+   3  Double-precision vectors and matrices. They make positions relative to camera or first slab before conversion
    to floats. */
 
 /* Three-point Gauss quadrature on 0..1: 1/2 +- sqrt(3/20), exact to degree 5. */
@@ -1863,8 +1863,8 @@ struct sps_context {
     int cancelled;      /* progress_fn returned non-zero; takes effect at the next spsi_progress */
     double clock_start; /* start of the call, by clock_fn */
     double ticked;      /* last call of progress_fn, by clock_fn or SPS_CLOCK */
-    size_t *counted;    /* if set, spsi_reserve only adds bytes to it, for a plan */
-    size_t planned[SPSI_BUFFER_COUNT]; /* bytes counted so far */
+    size_t *counted;    /* if set (plan), spsi_reserve only adds bytes here */
+    size_t planned[SPSI_BUFFER_COUNT]; /* bytes counted per buffer */
     spsi_link *links; /* all allocations, latest first */
     spsi_buffer buffers[SPSI_BUFFER_COUNT];
     int segment_count; /* cached segments, >>gather */
@@ -2198,8 +2198,8 @@ static void spsi_group_task(void *data, int index, int worker) {
     spsi_task_run(group->task, group->data, group->first + index, worker);
 }
 
-/* Runs tasks in rounds, with progress in between. After an idle round (the clock jumped), the next has no deadline and
-   is the last. Tasks that parallel_for_fn omitted run here. */
+/* Runs tasks in rounds, reporting progress in between. After an idle round (the clock jumped), the next has no deadline
+   and is the last. Tasks that parallel_for_fn omitted run here. */
 static void spsi_group_run(sps_context *context, spsi_task_group *group) {
     const int timed = context->config.progress_fn && context->config.clock_fn;
     int left = group->count, stuck = 0;
@@ -2217,7 +2217,7 @@ static void spsi_group_run(sps_context *context, spsi_task_group *group) {
     for (int i = 0; i < group->count && left > 0; ++i) spsi_group_task(group, i, 0);
 }
 
-/* Runs task(data, i, worker) for i = 0..count-1, with progress. Tasks write to disjoint memory. */
+/* Runs task(data, i, worker) for i = 0..count-1, reporting progress. Tasks must write to disjoint memory. */
 static void spsi_parallel(sps_context *context, int count, sps_task_fn task, void *data) {
     const int untimed = context->config.progress_fn && !context->config.clock_fn;
     int some = SPSI_GROUP_TASKS;
@@ -2237,7 +2237,7 @@ static void spsi_parallel(sps_context *context, int count, sps_task_fn task, voi
     }
 }
 
-/* Stage of a call: start and length, as fractions of the call. */
+/* Stage of a call: start and length as fractions. */
 typedef struct spsi_call_stage {
     double progress, share;
 } spsi_call_stage;
@@ -2385,7 +2385,7 @@ typedef struct spsi_rays {
     double pixel;         /* max(|a|, |b|) */
     double per_length;    /* t per world length on the axis */
     double depth_reference, near_depth;
-    int is_cube_face; /* one of six faces around the origin */
+    int is_cube_face; /* 1: one of six around the origin */
 } spsi_rays;
 
 static size_t spsi_ray_count(const spsi_rays *rays) { return (size_t)rays->width * (size_t)rays->height; }
@@ -2680,7 +2680,7 @@ typedef struct spsi_table {
 #define SPSI_FORWARD_SIZE   32
 #define SPSI_FORWARD_LEVELS 9
 
-/* Forward multiple scattering by optical depth (columns) and angle (rows), >>scattering. */
+/* Forward multiple scattering, tabulated over optical depth (columns) and angle (rows), >>scattering. */
 typedef struct spsi_forward {
     int level_count; /* gas: 1, or 3 for colored albedo; classified: all, by albedo */
     float level[SPSI_FORWARD_LEVELS][SPSI_FORWARD_SIZE * SPSI_FORWARD_SIZE];
@@ -2884,7 +2884,7 @@ static int spsi_transfer_shows(const spsi_material *material, float high) {
    Insertion: a step per plane crossed, or per component; lists: n log n. T is transmittance, exp(-optical depth). */
 
 #define SPSI_TMAP_COMPONENTS 65     /* per texel */
-#define SPSI_SOFT_MOST       256    /* maximum pieces between successive ends, if an interval is soft */
+#define SPSI_SOFT_MOST       256    /* maximum pieces between successive ends, if any interval is soft */
 #define SPSI_SOFT_EPSILON    0.001f /* minimum epsilon with soft intervals */
 
 /* Interval u0..u1 of a ray: uniform (soft 0), or density 1 - s^2, s = -1 to 1 (soft 1). If the light is inside the
@@ -2920,7 +2920,7 @@ typedef struct spsi_technique {
     /* 1: the first two components are the u of a texel's first and last occluder; functions below get the others and
        the remapped u. -1: settings->texel_range decides. */
     int range;
-    /* Adds intervals to component k at sums + k * stride. */
+    /* Adds intervals to the sums; component k is at sums + k * stride. */
     void (*insert)(const sps_tmap_settings *settings, float *sums, size_t stride, const spsi_intervals *intervals);
     /* Converts sums to stored components; NULL: identity. */
     void (*finish)(const sps_tmap_settings *settings, float *texel);
@@ -3673,8 +3673,8 @@ SPSI_COLD double spsi_moment_factor(const sps_tmap_settings *settings, const flo
     return spsi_hankel_build(hankel, texel, settings->components, biases[(settings->components - 5) / 2]);
 }
 
-/* Uses the biases of [Muenstermann et al. 2018] for floats. Cost: factorising 3 or 4 rows, roots of degree 2 or 3.
-   Exact at u = 1. */
+/* Uses the biases of [Muenstermann et al. 2018] for floats. Cost: factorising 3 or 4 rows, solving a quadratic or
+   cubic. Exact at u = 1. */
 SPSI_COLD void spsi_moment_depths(const sps_tmap_settings *settings, const spsi_texel *texel, int count,
                                   const float *u, float *depths) {
     static const double biases[2] = {5e-7, 5e-6};
@@ -3780,14 +3780,14 @@ typedef struct spsi_medium {
     sps_volume given;      /* concurrent is also set for an sps_grid */
     int index;
     spsi_lattice *lattice;
-    int channel;           /* channel in eye sheets and material index */
+    int channel;           /* eye-sheet channel, also material index */
     int light_channel;     /* channel in light sheets; 0: unclassified */
 } spsi_medium;
 
 typedef struct spsi_particle_set {
     sps_particles given;
     int index;
-    int channel; /* channel in eye sheets and material index */
+    int channel; /* eye-sheet channel, also material index */
     int soft;    /* 1: density falls to 0 at the rim */
 } spsi_particle_set;
 
@@ -3851,12 +3851,12 @@ typedef struct spsi_light {
     int few_count;
     int samples;
     int shadows;
-    int sliced;                    /* 1: sheets store its transmittance through media */
-    int has_map;                   /* 1: a transmittance map stores it */
+    int sliced;                    /* 1: sheets store transmittance through media */
+    int has_map;                   /* 1: a map stores transmittance through media */
     spsi_choice choice;
     int tables;                    /* tables for its points; 0 or 1: not split */
     int map_size;                  /* longer side in texels; 0: fitted to the medium */
-    const spsi_bounds *map_bounds; /* bounds of the media it covers; NULL: all */
+    const spsi_bounds *map_bounds; /* bounds of media in the map; NULL: all */
     int map_omnidirectional;
     sps_tmap_settings map;         /* technique resolved */
     float planes[65];              /* copy of map.planes, if any */
@@ -3952,7 +3952,7 @@ typedef struct spsi_cell_grid {
     int flux_terms; /* terms of degrees 0 to 2; 0: no polygons */
     float *flux;    /* per channel and term: moments for lighting polygons */
     float *patches; /* geometry, flux and harmonics, >>cells */
-    float *thick;   /* per channel: mean depth per edge */
+    float *thick;   /* per channel: mean optical depth per edge */
     float *scale;   /* per channel: mean fraction of extinction without peak */
     float *pyramid; /* mip levels of depth: all media, then per material; NULL: no flights */
     size_t pyramid_rows; /* per pyramid */
@@ -3969,7 +3969,7 @@ typedef struct spsi_emitter {
     float leaves[3]; /* fraction escaping its own medium, included in `sent` */
     float clear;      /* distance unattenuated by its own medium */
     float own;        /* index of its medium's pyramid */
-    float thick;      /* depth per radius if it attenuates itself, or 0 */
+    float thick;      /* optical radius if it attenuates itself, or 0 */
     float ahead;      /* offset where attenuation begins */
     float gas;        /* depth times area if `sent` includes scattering, or 0 */
     float trapped[3]; /* mean radiance inside if gas > 0 */
@@ -4017,7 +4017,7 @@ typedef struct spsi_pyramid_brick {
 typedef struct spsi_pyramid_level {
     int low[3], size[3];  /* first brick; bricks per axis */
     int first, end;       /* range of source bricks */
-    double voxels;        /* relevant voxels */
+    double voxels;        /* number of relevant voxels */
     float most;           /* maximum value; 0: unknown */
     double volume;        /* upper bound on voxels in reach */
     int *grid;            /* per brick: stored index; -1: none. NULL: no pyramid */
@@ -4034,7 +4034,7 @@ typedef struct spsi_pyramid {
     int filled;
     float weights[SPSI_SAMPLER_STEPS + 1][8];  /* indexed by position; 0 beyond taps */
     float changes[SPSI_SAMPLER_STEPS + 1][8];  /* derivatives per voxel */
-    int leveled;                             /* coarser levels filled */
+    int leveled;                             /* number of coarser levels filled */
     int bent;                                /* 1: `bends` is set */
     spsi_pyramid_level levels[SPSI_VOLUMES_MAX][SPSI_LEVELS + 1]; /* per medium; 0: finest */
 } spsi_pyramid;
@@ -4051,7 +4051,7 @@ typedef struct spsi_content {
     int set_ends[SPSI_SETS_MAX];   /* ends of sets in `particles` */
     float flies[SPSI_MATERIALS_MAX]; /* per material: emission fraction always sent by first flights */
     double particle_radius;        /* geometric mean */
-    double particle_spread;        /* RMS distance from their mean */
+    double particle_spread;        /* RMS distance from their mean position */
     double particle_extinction;    /* mean within particles or of the cloud, whichever is larger */
     const spsi_image *images;      /* cookies */
     spsi_pyramid *fields;          /* NULL: all splatted */

@@ -446,8 +446,8 @@ typedef enum sps_tmap_technique {
     /* Optical depth at n planes, u = 1/n .. 1 or as set by `planes` [Kim & Neumann 2001]: exact there, bounded in
        between. n 1..65, default 8. */
     SPS_TMAP_OPACITY,
-    /* Deep opacity map, after [Yuksel & Keyser 2008]: planes span the texel's first to last occluder, both stored
-       before them. Sharp for thin shells; no gain for two distant clumps. n 3..65, default 8. */
+    /* Deep opacity map, after [Yuksel & Keyser 2008]: planes span the texel's first to last occluder, whose u
+       come first. Sharp for thin shells; no gain for two distant clumps. n 3..65, default 8. */
     SPS_TMAP_DEEP_OPACITY,
     /* Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact at u = 1; before that, it rings by
        up to 9 % of a step. Periodic: leave room at both ends of the range, or set texel_range. n 3, 5 .. 65, default 7;
@@ -510,8 +510,8 @@ typedef enum sps_falloff {
    a table is made before the sweep. */
 typedef enum sps_shadow_source {
     /* Sheets where slabs suit both light and camera, else a table. Further lights, and all under
-       SPS_SCATTERING_MULTIPLE, use tables if that loses no detail and fits memory_limit. Depends on volumes' boxes and
-       particles' positions. */
+       SPS_SCATTERING_MULTIPLE, use tables if that loses no detail and fits memory_limit. The choice depends on volumes'
+       boxes and particles' positions. */
     SPS_SHADOW_AUTO = 0,
     SPS_SHADOW_SHEETS, /* SPS_ERROR_UNSUPPORTED where no slabs suit light and camera */
     SPS_SHADOW_TABLE   /* a table with default settings and shadow_map_resolution */
@@ -682,7 +682,7 @@ typedef struct sps_view {
     double slab_thickness;
     /* Texels on the longer side of a light's sheets, and of the depth map for polygons' shadows in gas, up to 16384. 0:
        from quality, and fewer where pixels are wide (sps_quality). That depth map has at least 512, 1024, 2048 or 4096
-       by quality, except in small images. Without volumes, sheets have no more than it. Shadows on polygons have no
+       by quality, except in small images. Without volumes, sheets have at most that many. Shadows on polygons have no
        texels. */
     int shadow_resolution;
     int no_shadows; /* 1: as if every light had no_shadow */
@@ -704,8 +704,8 @@ typedef struct sps_view {
     float scattering_tolerance;
     sps_filling filling; /* 0: SPS_FILLING_AUTO */
     /* Time limit of the whole call, in clock_fn seconds, or 0. Chooses quality, slab_thickness, tolerance and
-       scattering_resolution, which must be 0, and `samples` of lights where 0. Takes the setting of least expected
-       error that fits, else the fastest, with a message. */
+       scattering_resolution, which must be 0, and `samples` of lights where 0. Takes the setting that fits with least
+       expected error, else the fastest, with a message. */
     double budget_seconds;
     /* Instead of budget_seconds: maximum RMS error of radiance, relative to its mean, or 0. Takes the cheapest setting
        expected to keep it; UNSUPPORTED if there is none. An estimate, not a guarantee: docs/budget.md. */
@@ -741,7 +741,7 @@ typedef struct sps_reference_settings {
     float *error;
     /* Optional, both or neither, two buffers of three floats per pixel, laid out like the image. They bound singly
        scattered radiance, for any step; the image is their midpoint. UNSUPPORTED with `samples`, multiple scattering,
-       transfer functions, area lights, projectors, or particles in scattered light. See docs/manual.md, section 11.
+       transfer functions, area lights, projectors, or particles if gas scatters light. See docs/manual.md, section 11.
        Written on SPS_OK only. */
     float *lower, *upper;
     uint32_t end_canary; /* leave 0 */
@@ -751,7 +751,7 @@ typedef struct sps_reference_settings {
 typedef struct sps_budget_report {
     int is_met;          /* 1: a budget is set, and expected to be met */
     double seconds;      /* the whole call; sps_render's includes measured reading time */
-    double error;        /* expected upper bound on sps_view.budget_error's measure */
+    double error;        /* expected upper bound, see sps_view.budget_error */
     sps_quality quality; /* chosen, as in sps_view; slab_thickness 0: from quality */
     double slab_thickness;
     float tolerance;
@@ -838,7 +838,7 @@ typedef struct sps_stats_report {
     uint64_t eye_footprints, eye_fragments;
     uint64_t light_footprints, light_fragments;
     uint64_t eye_samples, light_samples; /* samples of gathered volumes */
-    /* Bounds on sps_view.tolerance's error along any ray of the eye, and of a light's sheets. */
+    /* Bounds on the error from sps_view.tolerance along any ray of the eye, and of a light's sheets. */
     float eye_bound, light_bound;
     uint64_t tables_made, tables_held; /* shadow tables made, and reused from the last call */
     /* Patches of these tables, up to 8 x 8 texels over all depths: made, and reused. */

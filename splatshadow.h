@@ -5028,9 +5028,9 @@ SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *sc
 
 /* =============================================================================================== >>gather
    10 Relevant voxels. Volumes are read in blocks; relevant voxels go into bricks of 8^3, 6 bytes per voxel, in segments
-   that never move. Unclassified voxels are relevant if not 0. Classified ones are relevant within two voxels of one
-   whose 3^3 neighbourhood reaches a value with extinction. Two voxels cover 99.6 % of a kernel's weight. Cost: linear
-   in voxels read. */
+   that never move. Voxels of at least 1e-30 are relevant. Classified ones must also lie within two voxels of one whose
+   3^3 neighbourhood reaches a value with extinction. Two voxels cover 99.6 % of a kernel's weight. Cost: linear in
+   voxels read. */
 
 #define SPSI_SEGMENT 16384 /* voxels; no brick spans two segments */
 #define SPSI_PADDING 16    /* entries after the last voxel, for vector loads */
@@ -5044,7 +5044,7 @@ typedef struct spsi_segment {
 typedef struct spsi_brick {
     int lattice, base[3];          /* first voxel */
     unsigned char low[3], high[3]; /* range of its voxels' coordinates */
-    unsigned char layers[9];       /* per third in x and y (3, 3 and 2 voxels): mask of layers with voxels */
+    unsigned char layers[9];       /* per third in x and y (3, 3 and 2 voxels): mask of z layers with voxels */
     int segment, first, count;     /* segment; first voxel; voxel count */
     float most;                    /* maximum value */
 } spsi_brick;
@@ -5067,7 +5067,7 @@ typedef struct spsi_block {
 #define SPSI_BLOCK_ROWS   (SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE)
 #define SPSI_BLOCK_BRICKS ((SPSI_BLOCK / SPSI_BRICK) * (SPSI_BLOCK / SPSI_BRICK) * (SPSI_BLOCK / SPSI_BRICK))
 
-/* Row masks start at bit 0. */
+/* Bit x of a row mask is voxel x of the block. */
 typedef struct spsi_voxels {
     spsi_block block;
     int brick_voxels[SPSI_BLOCK_BRICKS]; /* relevant voxels per brick */
@@ -5160,7 +5160,7 @@ static void spsi_block_read(spsi_voxels *voxels, int asks) {
     if (block->result == SPS_OK) block->voxels_read = count;
 }
 
-/* Mask of lanes NaN or outside 0..1e18. */
+/* Mask of lanes that are NaN or outside 0..1e18. */
 static inline int spsi_invalid_bits(spsi_v value) {
     const int numbers = spsi_bits(spsi_less(value, spsi_set(SPSI_INFINITY)));
     const int low = spsi_bits(spsi_less(value, spsi_set(0)));
@@ -5261,8 +5261,8 @@ SPSI_COLD sps_result spsi_reader_read(sps_context *context, spsi_reader *reader,
     return SPS_OK;
 }
 
-/* Reads blocks from `first` on and runs a task on each, which must call spsi_reader_values. Errors and statistics stop
-   at the first failed block, whatever the number of workers. */
+/* Reads blocks from `first` on and runs `task` on each; it must call spsi_reader_values. Statistics end with the first
+   failed block, for any number of workers. */
 SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader, int64_t first, sps_task_fn task,
                                       void *data) {
     const int64_t left = reader->block_count - first;
@@ -5311,8 +5311,8 @@ static void spsi_rows_spread(uint64_t *rows, int count, int step) {
         for (int k = 0; k <= 2 * SPSI_MARGIN; ++k) rows[i * step] |= line[i + k];
 }
 
-/* Keeps voxels within three of a visible one: one as kernel sums pass visible values while falling to 0, two for
-   kernels contributing there. */
+/* Keeps voxels within three of a visible one: kernel sums may be visible up to one voxel away, and voxels two further
+   contribute there. */
 static void spsi_block_spread(spsi_voxels *voxels) {
     const int height = voxels->block.size[1], depth = voxels->block.size[2];
     SPSI_ROLLED for (int row = 0; row < height * depth; ++row) {
@@ -5436,7 +5436,7 @@ static void spsi_brick_bound(spsi_brick *brick, const uint64_t steps[3]) {
     }
 }
 
-/* Copies a brick; zeroes its segment's padding. */
+/* Copies a brick's relevant voxels; after a segment's last, zeroes the padding. */
 static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, spsi_brick *brick) {
     uint64_t steps[3] = {0, 0, 0};
     int at = brick->first;
@@ -5490,7 +5490,7 @@ SPSI_COLD sps_result spsi_gather_medium(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Hash of the stored voxels' inputs; 0 if a revision is missing. */
+/* Hash of the inputs to gathering; 0 if a revision is missing. */
 static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->given.replace_invalid, sizeof(int));
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -5523,7 +5523,7 @@ SPSI_COLD void spsi_brick_bounds(const spsi_frame *frame, const spsi_brick *bric
     }
 }
 
-/* World bounds of all kernels; may be empty. */
+/* World bounds of all stored voxels' kernels; may be empty. */
 SPSI_COLD void spsi_bricks_bounds(const sps_context *context, const spsi_frame *frame, spsi_bounds *bounds) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     *bounds = spsi_nowhere;
@@ -5586,7 +5586,7 @@ SPSI_COLD const char *spsi_particle_wrong(const sps_particle *particle, const ch
     return *value >= 0 && particle->optical_depth <= SPSI_VALUE_MAX ? NULL : "optical_depth";
 }
 
-/* Fails on invalid particles, or empties them. */
+/* Fails on invalid particles, or sets their radius to 0. */
 SPSI_COLD sps_result spsi_particles_validate(sps_context *context, const spsi_particle_set *set, sps_particle *list,
                                              size_t first, size_t count, int replace) {
     for (size_t i = 0; i < count; ++i) {
@@ -5644,8 +5644,8 @@ SPSI_COLD void spsi_particle_bounds(const sps_particle *particle, spsi_bounds *b
     }
 }
 
-/* Mean extinction of single particles, weighted by coverage, or of all mixed over their spread, whichever is larger. A
-   cube of edge a has a spread of a / 2. Soft particles count as thinner. At most 8192 are sampled. */
+/* Larger of two mean extinctions: of single particles, weighted by coverage, and of all mixed evenly. A cloud's volume
+   is that of a cube with edge 2 * spread. Soft particles count half. At most 8192 are sampled. */
 static double spsi_measure_extinction(const spsi_frame *frame) {
     const spsi_content *content = frame->content;
     const int step = 1 + content->particle_count / 8192;
@@ -5666,7 +5666,7 @@ static double spsi_measure_extinction(const spsi_frame *frame) {
     return covered > 0 && volume > 0 ? spsi_dmax(mass / volume, sum / covered) : 0;
 }
 
-/* Measures bounds, and means that outliers hardly affect. */
+/* Measures bounds, geometric mean radius, spread, and extinction. */
 SPSI_COLD void spsi_measure_particles(const spsi_frame *frame) {
     double logs = 0, sum[3] = {0, 0, 0}, squares = 0, origin[3];
     if (frame->content->particle_count == 0) return;
@@ -5706,7 +5706,7 @@ SPSI_COLD sps_result spsi_gather_particles(sps_context *context, const spsi_fram
     return SPS_OK;
 }
 
-/* Binary search for an item's list. Lists are consecutive; `ends` has a stride of `apart`. */
+/* Finds an item's list by binary search. Lists are consecutive; apart: stride of `ends`. */
 static int spsi_list_of(const int *ends, int apart, int count, int item) {
     int low = 0, high = count - 1;
     while (low < high) {
@@ -5725,7 +5725,7 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
 
 /* --- bound on multiple scattering --- */
 
-#define SPSI_BOUND_NONE 1e6 /* bound if nothing limits it, relative to single scattering */
+#define SPSI_BOUND_NONE 1e6 /* stands for unbounded; relative to single scattering */
 
 /* True if media may scatter light repeatedly, illuminate polygons, or shadow them. */
 static int spsi_light_meets_gas(const spsi_frame *frame) {
@@ -5736,7 +5736,7 @@ static int spsi_light_meets_gas(const spsi_frame *frame) {
 }
 
 /* Upper bounds on extinction. A straight segment spans at least 1 / sqrt 3 of its length along some axis. So its
-   optical depth is at most sqrt 3 times the integral of plane maxima along that axis. */
+   optical depth is at most sqrt 3 times the integral, along that axis, of each plane's maximum. */
 typedef struct spsi_bound_grid {
     spsi_bounds bounds;
     double edge[3];   /* cell edges */
@@ -5745,7 +5745,7 @@ typedef struct spsi_bound_grid {
 
 #define SPSI_BOUND_SIDE  32  /* cells per axis */
 #define SPSI_BOUND_FEW   256 /* up to this many particles, each may touch all cells */
-#define SPSI_BOUND_MOST  512 /* cells per particle otherwise; larger ones count everywhere */
+#define SPSI_BOUND_MOST  512 /* maximum cells per particle otherwise; larger ones count everywhere */
 #define SPSI_BOUND_CELLS (SPSI_BOUND_SIDE * SPSI_BOUND_SIDE * SPSI_BOUND_SIDE)
 #define SPSI_BOUND_BYTES (2 * SPSI_BOUND_CELLS * sizeof(float))
 
@@ -5778,8 +5778,8 @@ SPSI_COLD float spsi_brick_extinction(const spsi_material *material, const spsi_
     return extinction;
 }
 
-/* Adds a particle's maximum density in each cell, at most its depth per cell edge. Returns 0 if it covers more than
-   `touched` cells. */
+/* Adds a particle's maximum extinction in each cell, capped at its optical depth / cell edge. Returns 0 if it covers
+   more than `touched` cells. */
 SPSI_COLD int spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_particle *particle,
                                       const spsi_particle_set *set, int touched) {
     const double radius = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2;
@@ -5840,7 +5840,7 @@ SPSI_COLD void spsi_bound_add_volumes(const sps_context *context, const spsi_fra
     }
 }
 
-/* Returns the summed depth of particles too large for the grid. */
+/* Returns the summed optical depth of particles too large for the grid. */
 SPSI_COLD double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bound_grid *grid) {
     const int most = frame->content->particle_count <= SPSI_BOUND_FEW ? SPSI_BOUND_CELLS : SPSI_BOUND_MOST;
     double large = 0;
@@ -5880,7 +5880,7 @@ SPSI_COLD double spsi_largest_albedo(const spsi_frame *frame) {
     return spsi_dmin((double)most, 1);
 }
 
-/* True if polygons and media light each other, without bound. */
+/* True if polygons and media illuminate each other: no bound is known. */
 SPSI_COLD int spsi_polygons_scatter(const spsi_frame *frame) {
     return frame->meshes.triangle_count > 0 && (frame->matter.scatters || frame->matter.emits);
 }
@@ -5906,9 +5906,9 @@ SPSI_COLD sps_result spsi_decide_scattering(sps_context *context, spsi_frame *fr
 /* ================================================================================================ >>trees
    11 Bounding volume hierarchies of triangles and of the reference's particles. Built top-down by the surface area
    heuristic, 16 bins along the axis of widest centre spread [Wald 2007]. Even a ground a million times wider than its
-   objects is separated at once. Boxes are floats relative to a centre, rounded outwards; rays are padded for round-off.
-   So no box is missed; exact tests follow. Cost: items times levels; 0.3 us per item for a million; 36 bytes per item,
-   28 more while building. */
+   objects is split off at once. Boxes are floats relative to a centre, rounded outwards and padded in tests. So no hit
+   is missed; exact tests follow. Cost: items times levels; 0.3 us per item for a million; 36 bytes per item, 28 more
+   while building. */
 
 #define SPSI_TREE_LEAF  4 /* maximum items; the minimum is 2 unless the tree has 1 */
 #define SPSI_TREE_BINS  16
@@ -5918,7 +5918,7 @@ SPSI_COLD sps_result spsi_decide_scattering(sps_context *context, spsi_frame *fr
 
 typedef struct spsi_tree_node {
     float low[3], high[3];
-    int first, count; /* range of `order`; count 0: children first, first + 1 */
+    int first, count; /* items in `order`; count 0: children are nodes first, first + 1 */
 } spsi_tree_node;
 
 typedef struct spsi_tree_item {
@@ -6196,12 +6196,12 @@ static int spsi_walk_on(spsi_walk *walk, const spsi_ray *ray) {
 }
 
 /* ============================================================================================= >>polygons
-   12 Rasterisation by homogeneous edge functions [Olano & Greer 1997]. For vertices h0, h1, h2 in ray space, a ray hits
-   if all (h1 x h2) . (x, y, 1) have equal signs. Nothing is clipped, not even behind the eye. Uncertain signs are
+   12 Rasterisation by homogeneous edge functions [Olano & Greer 1997]. In ray space, edge ab has the function (a x b) .
+   (x, y, 1); a ray hits if all three have equal signs. Nothing is clipped, not even behind the eye. Uncertain signs are
    evaluated exactly as a difference of two products, with the ray moved to (0, 0). Ties are broken by moving the ray by
    an infinitesimal (e, e^2). Signs depend on ray and edge alone, and flip with the edge's direction. So adjacent
-   triangles leave no gaps or overlaps, even at edges and vertices. Cost: triangles times tile rows to cull, three edge
-   functions per pixel of a box. Spans are narrowed first; vectors inside are tested at their ends. */
+   triangles leave no gaps or overlaps. Cost: triangles times tile rows to cull, three edge functions per pixel of a
+   box. Spans are narrowed first; vectors of pixels are tested at their ends only. */
 
 typedef struct spsi_face {
     double position[3][3]; /* world space */
@@ -6300,13 +6300,13 @@ static void spsi_face_normals(const spsi_mesh *mesh, const sps_triangle *triangl
     }
 }
 
-/* Depth at a pixel clamped to the image. */
+/* Depth at a pixel, clamped to the image. */
 static inline float spsi_hit_depth(const spsi_hit *hits, int width, int height, int x, int y) {
     const int row = spsi_imin(spsi_imax(y, 0), height - 1), column = spsi_imin(spsi_imax(x, 0), width - 1);
     return hits ? hits[(size_t)row * (size_t)width + (size_t)column].depth : SPSI_INFINITY;
 }
 
-/* A vector's depths; infinity without `hits`. */
+/* A vector of depths; infinity without `hits`. */
 static inline spsi_v spsi_hit_depths(const spsi_hit *hits, int width, int height, int x, int y) {
     float depth[SPSI_LANES];
     if (!hits) return spsi_set(SPSI_INFINITY);
@@ -6324,7 +6324,7 @@ typedef struct spsi_face_lists {
     int face_count, texture_count;
 } spsi_face_lists;
 
-/* Ignores degenerate triangles. */
+/* Appends a face unless degenerate. */
 static void spsi_face_add(const spsi_frame *frame, const spsi_mesh *mesh, const sps_triangle *triangle, size_t number,
                           double world[3][3], spsi_face_lists *lists) {
     spsi_face *face = &lists->faces[lists->face_count];
@@ -6372,7 +6372,7 @@ SPSI_COLD sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *fr
     return SPS_OK;
 }
 
-/* Hash of the faces' inputs; 0 if a revision is missing. */
+/* Hash of the inputs to reading faces; 0 if a revision is missing. */
 static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = SPSI_FINGERPRINT_START;
     for (int i = 0; i < frame->meshes.count; ++i) {
@@ -6521,7 +6521,7 @@ static void spsi_face_box(const spsi_faces *faces, int index, const spsi_rays *r
     }
 }
 
-/* Exact sign; 0 if the edge is seen end-on. */
+/* Exact sign of an edge function; 0 if end-on. */
 static int spsi_edge_sign(const double from[3], const double to[3], double x, double y) {
     double a[2], b[2];
     a[0] = spsi_multiply_add(-x, from[2], from[0]);
@@ -6534,7 +6534,7 @@ static int spsi_edge_sign(const double from[3], const double to[3], double x, do
     return sign;
 }
 
-/* True if all edge functions have equal signs: `side` unless 0. */
+/* True if all edge functions have sign `side`; 0: equal signs. */
 static int spsi_face_hit_exactly(const double corner[3][3], int side, double x, double y) {
     for (int i = 0; i < 3; ++i) {
         const int sign = spsi_edge_sign(corner[i], corner[(i + 1) % 3], x, y);
@@ -6604,7 +6604,7 @@ static inline void spsi_raster_store(const spsi_raster *raster, size_t at, int f
     }
 }
 
-/* True if a vector's pixels all hit; its ends decide. */
+/* True if all pixels of a vector hit; tests its ends only. */
 static inline int spsi_face_holds(const spsi_edges *e, int x, int y) {
     int held = 1;
     for (int i = 0; i < 3; ++i) {
@@ -6708,8 +6708,8 @@ typedef struct spsi_surface {
     double pixel;     /* world size */
 } spsi_surface;
 
-/* Intersects the face's plane: points at float depth could lie behind it, visibly in grazing light. If the ray grazes,
-   projects the rasterised point. */
+/* Intersects the ray with the face's plane: points at float depth could lie behind it, visibly in grazing light. If the
+   ray grazes, projects the rasterised point. */
 static void spsi_surface_place(const spsi_face *face, const double plane[3], const double ray[3],
                                const double rasterised[3], double point[3]) {
     const double facing = spsi_dot(plane, ray), grazing = 1e-16; /* squared cosine; below, float depth is better */
@@ -6813,10 +6813,10 @@ static int spsi_mesh_of(const spsi_frame *frame, const spsi_faces *faces, int fa
    13 Layers: translucent polygons, and both sides of antialiased edges. Fragments have coverage masks [Carpenter 1984].
    Compositing each sample's fragments front to back gives layers.
        seen   = mean over samples of (mask) * (transmittance in front): weight of its radiance.
-       behind = mean over samples of (transmittance behind): weight of all behind it.
+       behind = mean over samples of (transmittance up to and including it): weight of all behind it.
    Shading composites media and layers by depth, not per sample: media lie wholly in front of or behind a layer. Cost:
-   translucent faces, or all at N x N resolution, are rasterised twice, to count and to list. 16 bytes per fragment, 56
-   per layer. */
+   translucent faces, or with edge sampling all faces at N x N resolution, are rasterised twice, to count and to list.
+   16 bytes per fragment, 56 per layer. */
 
 typedef struct spsi_fragment {
     uint64_t mask; /* bit per sample, row by row */
@@ -6829,7 +6829,7 @@ typedef struct spsi_layer {
     float at[2];     /* shading point, pixels from the centre */
     float seen[3];   /* weight of its radiance, media excluded */
     float behind[3]; /* transmittance of this and all in front */
-    float covered;   /* opacity that it adds, averaged over colors */
+    float covered;   /* opacity it adds, averaged over colors */
     uint32_t pixel;
 } spsi_layer;
 
@@ -6951,9 +6951,9 @@ typedef struct spsi_group {
     double color[3];
 } spsi_group;
 
-#define SPSI_GROUP_COSINE 0.97       /* between normals: 14 degrees */
+#define SPSI_GROUP_COSINE 0.97       /* minimum, between normals: 14 degrees */
 #define SPSI_GROUP_COLOR  (1 / 64.0) /* maximum difference */
-#define SPSI_GROUP_DEPTH  0.5        /* distance from the plane, in pixels */
+#define SPSI_GROUP_DEPTH  0.5        /* maximum distance from the plane, in pixels */
 
 static void spsi_group_describe(const spsi_layers_job *job, const spsi_rays *rays, const spsi_hit *hit, int x, int y,
                                 spsi_group *group) {
@@ -7011,7 +7011,7 @@ static int spsi_groups_of(const spsi_layers_job *job, const spsi_layer_scratch *
     return count;
 }
 
-/* True if a group fills the pixel and matches its centre, so that shading the centre suffices. */
+/* True if a group fills the pixel and matches its centre, so shading the centre suffices. */
 static int spsi_group_is_all(const spsi_layers_job *job, const spsi_group *group, int x, int y) {
     const int n = job->samples;
     const spsi_hit *hit = &job->hits[(size_t)y * (size_t)job->rays->width + (size_t)x];
@@ -7046,8 +7046,8 @@ static int spsi_pixel_is_even(const spsi_layers_job *job, const spsi_layer_scrat
     return 1;
 }
 
-/* Adds fragments unless the pixel shows one surface. When listing, its hit then only marks where media end: the deepest
-   fragment, or infinity if a sample misses. */
+/* Adds fragments unless the pixel shows one surface. When listing, the pixel's hit becomes only the depth where media
+   end: the deepest fragment's, or infinity if a sample misses. */
 static void spsi_edge_fragments(const spsi_layers_job *job, const spsi_layer_scratch *scratch, int x, int y) {
     const int n = job->samples;
     spsi_hit *hit = &job->hits[(size_t)y * (size_t)job->rays->width + (size_t)x];
@@ -7132,7 +7132,7 @@ static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fr
     layer->pixel = pixel;
 }
 
-#define SPSI_LAYERS_ORDERED 16 /* maximum fragments to sort per sample */
+#define SPSI_LAYERS_ORDERED 16 /* maximum fragments per pixel for sorting by sample */
 
 /* A pixel's fragments with depths per sample. */
 typedef struct spsi_stack {
@@ -7167,7 +7167,7 @@ static void spsi_stack_build(const spsi_layers_job *job, uint32_t pixel, spsi_st
     }
 }
 
-/* True if a precedes b. Opaque fragments come last: none behind them is listed. */
+/* True if a precedes b. Opaque fragments come last: none behind them are listed. */
 static int spsi_stack_before(const spsi_stack *stack, int a, int b, int sample) {
     if (!stack->translucent[a] || !stack->translucent[b]) return stack->translucent[a] > stack->translucent[b];
     return stack->depths[a][sample] < stack->depths[b][sample];
@@ -7199,13 +7199,13 @@ static void spsi_layer_pass(const spsi_layers_job *job, const spsi_fragment *fra
     layer->hit.depth += layer->covered > 0 ? covered / layer->covered * (depth - layer->hit.depth) : 0;
 }
 
-/* Composites fragments in each sample's order, or in the pixel's if many. */
+/* Composites each sample's fragments, in its own depth order or, if many, the pixel's. */
 static void spsi_layers_follow(const spsi_layers_job *job, const spsi_stack *stack, spsi_layer *layers) {
     SPSI_ROLLED for (int k = 0; k < job->samples * job->samples; ++k) {
         float through[3] = {1, 1, 1};
         int order[SPSI_LAYERS_ORDERED], count;
         if (job->samples == 1 || stack->count > SPSI_LAYERS_ORDERED) {
-            SPSI_ROLLED for (int i = 0; i < 2 * stack->count; ++i) { /* opaque ones last, as per sample */
+            SPSI_ROLLED for (int i = 0; i < 2 * stack->count; ++i) { /* opaque ones last, as in spsi_stack_before */
                 const spsi_fragment *fragment = &stack->list[i % stack->count];
                 if (spsi_face_is_translucent(&job->faces->list[fragment->face]) != (i < stack->count)) continue;
                 if (fragment->mask >> k & 1)
@@ -7295,7 +7295,7 @@ SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *f
     job.scratch = (char *)spsi_reserve(context, SPSI_BUFFER_LAYER_SAMPLES, (size_t)spsi_worker_count(context),
                                        spsi_layer_scratch_bytes(eye, job.samples));
     job.first = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_LAYER_STARTS, spsi_ray_count(eye) + 2, sizeof *job.first);
-    if (!job.scratch || !job.first) return context->result; /* further sizes depend on visibility: not planned */
+    if (!job.scratch || !job.first) return context->result; /* further sizes depend on visibility and are not planned */
     layers->count = spsi_fragments_count(context, &job);
     job.fragments = (spsi_fragment *)spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, layers->count, sizeof *job.fragments);
     job.layers = (spsi_layer *)spsi_reserve(context, SPSI_BUFFER_LAYERS, layers->count, sizeof *job.layers);
@@ -7310,8 +7310,8 @@ SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *f
 
 /* ============================================================================================ >>surfaces
    14 Visible surfaces and their shadow rays. Polygons shadow each other exactly, by one ray per point and light through
-   a tree, without texels or bias. Translucent triangles tint rays. Media use depth maps, >>depthmaps. Cost per ray:
-   tree height. */
+   a tree, without texels or bias. Translucent triangles tint rays. Shadows on media use depth maps, >>depthmaps. Cost
+   per ray: tree height. */
 
 /* --- shade_fn --- */
 
@@ -7489,7 +7489,7 @@ static void spsi_pixel_layers(const spsi_visible *visible, size_t pixel, size_t 
     for (size_t i = 0; i < 2; ++i) range[i] = visible->layers.first ? visible->layers.first[pixel + i] : 0;
 }
 
-/* Finds the rows each mesh covers, so that no mesh scans the whole image. */
+/* Finds each mesh's rows, so that no mesh needs a scan of the whole image. */
 static void spsi_surface_rows(const spsi_surface_batch *batch) {
     spsi_mesh_faces *meshes = batch->faces->meshes;
     const spsi_visible *visible = batch->visible;
@@ -7530,7 +7530,7 @@ SPSI_COLD sps_result spsi_surface_batch_add(sps_context *context, spsi_surface_b
     return SPS_OK;
 }
 
-/* Calls shade_fn once per visible point in the region. */
+/* Passes each visible point of the region to shade_fn once. */
 SPSI_COLD sps_result spsi_textures(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                    spsi_visible *visible) {
     const int *region = frame->view.region;
@@ -7586,7 +7586,8 @@ static void spsi_packet_begin(const spsi_faces *faces, int is_direction, int on_
     packet->rounding = 16 * DBL_EPSILON * faces->extent;
 }
 
-/* `room` covers rounding of origins and box differences. Clamped reciprocals stay finite: no box is 1e30 widths off. */
+/* `room` covers rounding of origins and box differences. Clamping keeps reciprocals finite; it would matter only to
+   boxes 1e30 widths away. */
 static void spsi_packet_add(const spsi_tree *tree, int at, int own, const double origin[3], const double toward[3],
                             spsi_packet *packet) {
     double offset[3], room = 0;
@@ -7625,16 +7626,15 @@ static inline int spsi_packet_meets(const spsi_packet *packet, const spsi_tree_n
     return bits & packet->open;
 }
 
-/* d . (a x b): its sign tells the side of edge ab that a ray from 0 along d passes. */
+/* d . (a x b): the sign is the side on which a ray from 0 along d passes edge ab. */
 static inline double spsi_edge_side(const double a[3], const double b[3], const double d[3]) {
     return d[0] * (a[1] * b[2] - a[2] * b[1]) + d[1] * (a[2] * b[0] - a[0] * b[2]) + d[2] * (a[0] * b[1] - a[1] * b[0]);
 }
 
 static inline double spsi_reach_of(const double a[3]) { return fabs(a[0]) + fabs(a[1]) + fabs(a[2]); }
 
-/* True if d passes inside triangle abc, relative to the ray's origin. Uncertain signs count as inside: no ray slips
-   between faces, even with FMA contraction. Round-off is below 8 * 2^-53 of the lengths' product, bounded by component
-   sums. */
+/* True if a ray from 0 along d passes inside triangle abc. Uncertain signs count as inside: no ray slips between faces,
+   even with FMA contraction. Round-off is below 8 * 2^-53 times the product of lengths, which component sums bound. */
 static inline int spsi_edges_contain(const double a[3], const double b[3], const double c[3], const double d[3],
                                      double ab, double bc, double ac) {
     const double ra = spsi_reach_of(a), rb = spsi_reach_of(b), rc = spsi_reach_of(c), rab = ra > rb ? ra : rb;
@@ -7643,7 +7643,7 @@ static inline int spsi_edges_contain(const double a[3], const double b[3], const
 }
 
 /* Mask of rays that a face occludes. For rays from faces, the hit must be ahead by more than round-off of world and
-   mesh. Adjacent or coincident faces then do not self-shadow, without adjacency data. */
+   mesh. Adjacent or coincident faces then cast no false shadows, without adjacency data. */
 static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int first) {
     const double *p = face->position[0], *q = face->position[1], *r = face->position[2];
     double n[3], room, stops[SPSI_LANES];
@@ -7685,7 +7685,7 @@ static int spsi_face_passes(const spsi_face *face, const double origin[3], const
     return spsi_face_hit_exactly((const double(*)[3])corner, 0, 0, 0);
 }
 
-/* 32.32 fixed-point optical depth, at most 86: 4e7 can be summed. */
+/* 32.32 fixed-point optical depth, at most 86, so 4e7 can be summed. */
 static uint64_t spsi_filter_of(float transmittance) {
     const double depth = transmittance > 0 ? -log((double)transmittance) : (double)SPSI_DEPTH_MAX;
     return (uint64_t)(spsi_dmin(depth, 86) * 4294967296.0);
@@ -7754,7 +7754,7 @@ static int spsi_face_near(const spsi_face *face, const double centre[3], double 
     return fabs(spsi_dot(plane, offset)) <= half * (fabs(plane[0]) + fabs(plane[1]) + fabs(plane[2]));
 }
 
-/* True if some face's bounds and plane cut a box. */
+/* True if a face may cut a box, by tree boxes and planes. */
 static int spsi_faces_near(const spsi_faces *faces, const double centre[3], const double half[3]) {
     const double most = spsi_dmax(half[0], spsi_dmax(half[1], half[2]));
     const spsi_ray still = {{centre[0], centre[1], centre[2]}, {0, 0, 0}, 0, 0};
@@ -7823,7 +7823,7 @@ static int spsi_faces_between(const spsi_faces *faces, int own, const double sta
 
 /* --- the nearest face on a ray --- */
 
-/* If `rounding` > 0, hits must be farther ahead than that. Sets weights on a hit only. */
+/* If `rounding` > 0, hits must be farther ahead than it. Sets weights on a hit only. */
 static int spsi_face_meets(const spsi_face *face, const spsi_ray *ray, double rounding, double *t, float weights[2]) {
     const double *d = ray->direction;
     double a[3], b[3], c[3], n[3], room, ab, bc, ac, facing, ahead;
@@ -7862,7 +7862,7 @@ static void spsi_ray_to_face(const spsi_faces *faces, int own, spsi_ray *ray, sp
     }
 }
 
-/* Likewise, at the nearest opaque face. */
+/* Ends the ray at the nearest opaque face. Returns 0 on a miss. */
 static int spsi_ray_to_opaque(const spsi_faces *faces, spsi_ray *ray, spsi_hit *hit) {
     const double high = ray->high;
     for (;;) {
@@ -8004,7 +8004,7 @@ static int spsi_scatters_multiply(const spsi_frame *frame) {
     return spsi_uses_cells(frame) || spsi_scatters_forward(frame);
 }
 
-/* Optical depth that ends light rays. */
+/* Optical depth where light rays end. */
 SPSI_COLD float spsi_light_end(const spsi_frame *frame) {
     return spsi_scatters_forward(frame) ? SPSI_FORWARD_END : SPSI_LIGHT_END;
 }
@@ -8051,7 +8051,7 @@ SPSI_COLD double spsi_light_texel(const spsi_frame *frame, const spsi_light *lig
    Classified volumes cannot be filtered, so pixels get two texels per axis. Slab errors are second order in thickness,
    so half a pixel is enough (draft: 1; classified: 0.3). */
 
-/* Distance until all eight points have left the image across one side, or infinity. Rates are constant in ray
+/* Distance until all eight points have left the image across the same side, or infinity. Rates are constant in ray
    coordinates (x t, y t, t). */
 SPSI_COLD double spsi_path_in_image(const spsi_rays *eye, double q[8][3], double rates[8][3]) {
     double end = HUGE_VAL;
@@ -8068,8 +8068,8 @@ SPSI_COLD double spsi_path_in_image(const spsi_rays *eye, double q[8][3], double
     return end;
 }
 
-/* Smallest pixel size in the medium; with a light, also where its shadow may fall on polygons. Ignores pyramid levels'
-   padding, which may appear suddenly. 0 if media reach beside or behind the eye. */
+/* Smallest pixel size in the medium; with a light, also where the medium's shadow may fall on polygons. Ignores padding
+   for coarser levels, which changes abruptly. 0 if media reach beside or behind the eye. */
 SPSI_COLD double spsi_pixel_in_gas(const spsi_frame *frame, const spsi_light *shading) {
     const spsi_rays *eye = &frame->content->eye;
     const int falls = shading && frame->meshes.triangle_count > 0 && eye->perspective;
@@ -8124,7 +8124,7 @@ static void spsi_to_light(const spsi_light *light, const double offset[3], doubl
     for (int k = 0; k < 3; ++k) place[k] = spsi_dot(k < 2 ? light->across[k] : light->direction, offset);
 }
 
-/* Intensity factor at an angle, given as 1 - cos. */
+/* Spot intensity factor; versine: 1 - cos of the angle. */
 static inline spsi_v spsi_cone_fraction(const spsi_cone *cone, spsi_v versine) {
     const spsi_v share = spsi_div(spsi_sub(spsi_set((float)cone->none), versine), spsi_set((float)cone->rim));
     const spsi_v most = spsi_clamp(share, spsi_set(0), spsi_set(1));
@@ -8201,7 +8201,7 @@ SPSI_COLD sps_result spsi_light_grid_aim(sps_context *context, const spsi_frame 
         low = spsi_dmin(low, t);
         high = spsi_dmax(high, t);
     }
-    /* keeps the range of distant media above round-off */
+    /* keeps distant media's depth range above round-off */
     high = spsi_dmax(high, low + spsi_dmax(1e-12 * fabs(low), DBL_MIN / DBL_EPSILON));
     const double room = has_guard ? SPSI_GUARD_BAND * (high - low) : 0, first = low - room;
     spsi_light_grid_set_range(grid->rays[0].perspective ? spsi_dmax(first, 0) : first, high + room, grid);
@@ -8214,8 +8214,8 @@ SPSI_COLD sps_result spsi_light_grid_aim(sps_context *context, const spsi_frame 
 
 #define SPSI_IMAGE_ROW_FLOATS 5 /* per texel of a row: uv and color */
 
-/* Lays out the mip levels (memory NULL: only counts). Each halves the axis of the shorter texel edge, or both if about
-   equal. */
+/* Lays out the mip levels (memory NULL: only counts). Each halves the axis with shorter texel edges, or both axes if
+   about equal. */
 SPSI_COLD void spsi_image_lay_out(const spsi_projection *projection, float *memory, uint64_t *laid, spsi_image *image) {
     int size[2] = {projection->given.width, projection->given.height}, level = 0;
     double edge[2] = {projection->edge[0], projection->edge[1]}, shortest = spsi_dmin(edge[0], edge[1]);
@@ -8401,14 +8401,14 @@ static void spsi_projection_at(const spsi_frame *frame, const spsi_light *light,
 #define SPSI_DEPTH_MAP_CELL 16   /* texels per side */
 #define SPSI_STEEP 1024 /* maximum slope of a plane, in texels per texel */
 
-/* Each texel stores its nearest polygon's plane, evaluated at the shaded point. Even oblique polygons shade nothing in
+/* Each texel stores its nearest polygon's plane, evaluated at the shaded point. Even oblique polygons shadow nothing in
    front of them; texels show only at edges. */
 typedef struct spsi_depth_map {
-    int face_count; /* 0: no polygon; 6: point light within the medium; else 1 */
+    int face_count; /* 0: no polygon; 6: cube around a point light; else 1 */
     spsi_rays rays[SPSI_CUBE_FACES];
     float *depths[SPSI_CUBE_FACES];    /* at texel centres, t - depth_reference; infinity: no polygon */
     float *slopes[SPSI_CUBE_FACES][2]; /* change of depth per texel along x and y */
-    float *nearest[SPSI_CUBE_FACES];   /* minimum depth per cell with neighbours, then per cell alone */
+    float *nearest[SPSI_CUBE_FACES];   /* minimum depth per cell and its neighbours, then per cell */
     int cells[SPSI_CUBE_FACES];        /* per row */
     /* map coordinates along the eye's rays, t relative to the map's depth reference */
     spsi_linear along[SPSI_CUBE_FACES][3];
@@ -8459,7 +8459,7 @@ typedef struct spsi_translucent_plane {
     int face;
 } spsi_translucent_plane;
 
-/* All translucent faces on each texel's ray. */
+/* All translucent faces along each texel's ray. */
 typedef struct spsi_translucency_map {
     spsi_depth_map grid;              /* depths and slopes stay empty */
     uint32_t *first[SPSI_CUBE_FACES]; /* per texel: start in `list` */
@@ -8475,7 +8475,7 @@ typedef struct spsi_planes_job {
     const spsi_fragment *fragments;
 } spsi_planes_job;
 
-/* With normal n and a texel's ray r, a plane's t changes by -(n.a) / (n.r) per texel, times t in perspective. */
+/* With normal n and a texel's ray r, a plane's t changes by -(n.a) / (n.r) per texel in x, times t in perspective. */
 typedef struct spsi_map_plane {
     const spsi_faces *faces;
     const spsi_rays *rays;
@@ -8493,13 +8493,13 @@ static void spsi_map_plane_build(spsi_map_plane *plane, int number) {
     plane->number = number;
 }
 
-/* Slope -t (n.a) / (n.r), clamped at grazing rays. */
+/* Slope -t (n.a) / (n.r), clamped for grazing rays. */
 static float spsi_map_slope(double across, double facing, double t, double steepest) {
     const double slope = -t * across / facing;
     return (float)(slope >= -steepest && slope <= steepest ? slope : slope > 0 ? steepest : -steepest);
 }
 
-/* Slopes of a face's plane at a texel. Lowers the cell's minimum depth to the plane's within a texel. */
+/* Slopes of a face's plane at a texel. Lowers the cell's minimum depth to the plane's minimum within a texel. */
 static void spsi_map_plane_slopes(spsi_map_plane *plane, int number, int x, int y, float depth, float slope[2],
                                   float *cells) {
     double ray[3], facing, t = 1;
@@ -8546,7 +8546,7 @@ static void spsi_planes_task(void *data, int index) {
         spsi_planes_row(job, y, cells);
 }
 
-/* Computes minima over cells and their neighbours from single cells' minima, stored behind them. */
+/* Computes minima over cells and their neighbours from single cells' minima, stored after them. */
 static void spsi_cells_spread(float *nearest, int columns, int rows) {
     const float *alone = nearest + (size_t)columns * (size_t)rows;
     SPSI_ROLLED for (int y = 0; y < rows; ++y)
@@ -8668,8 +8668,8 @@ static inline spsi_v spsi_depth_map_fraction(const spsi_depth_map *map, int face
     return spsi_select(way.inside, spsi_map_segment_mean(&way, share), spsi_set(1));
 }
 
-/* True if a face may shade any segment. One cell lookup spares most slabs four plane evaluations. Also true if ends are
-   far from the middle's cell, or on both sides of the light. */
+/* True if a face may shadow any segment. One cell lookup spares most slabs four plane evaluations. Also true if ends
+   are far from the middle's cell, or on both sides of the light. */
 static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, const spsi_v d[2]) {
     const spsi_rays *rays = &map->rays[face];
     const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
@@ -8802,13 +8802,13 @@ static void spsi_translucency_map_filter(const spsi_translucency_map *map, const
    polynomials. Spheres near the rays' origin are intersected ray by ray. Cost: 15 operations per vector of pixels.
    */
 
-/* A sphere is near within SPSI_SPHERE_NEAR radii of the origin's plane, or at a cosine below SPSI_SPHERE_ASIDE to the
-   axis, where pixels stretch. */
+/* Spheres are near at depths below SPSI_SPHERE_NEAR radii, or at cosines to the axis below SPSI_SPHERE_ASIDE, where
+   pixels stretch. */
 #define SPSI_SPHERE_NEAR  4.0
 #define SPSI_SPHERE_ASIDE 0.05
-#define SPSI_SPHERE_LEAST 0.75 /* minimum radius in pixels: smaller spheres could miss all rays */
+#define SPSI_SPHERE_LEAST 0.75 /* minimum radius in pixels: rays could miss smaller spheres */
 
-/* Radii in pixels above which chords conserve mass; in images, to 2 %. */
+/* Radii in pixels above which chord sums need no correction; in images, to 2 %. */
 #define SPSI_SPHERE_COARSE       4.0
 #define SPSI_SPHERE_COARSE_LIGHT 1.5
 
@@ -8822,7 +8822,7 @@ typedef struct spsi_sphere {
     float cross[3];     /* d^2 e.e / c.c = cross[0] dx^2 + 2 cross[1] dx dy + cross[2] dy^2 */
     float tilt[2];      /* coefficients of p */
     float bend[3];      /* coefficients of q; 0 without perspective */
-    float shift;        /* chord's middle: shift (p + q) / (e.e / c.c) behind the centre */
+    float shift;        /* chord's middle: t + shift (p + q) / (e.e / c.c) */
     float depth;        /* optical depth of the diameter */
     int soft;           /* 1: densest in the middle */
     float offset[3];    /* centre, from the rays' origin */
@@ -8843,9 +8843,9 @@ static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
     return spsi_dmax(spsi_dot(rays->inverse[2], offset), 0);
 }
 
-/* Optical depth of a sphere widened to area / `share`, with equal total extinction. Its disc's mean transmittance is
-   fitted by f^-2, or f^(-2/3) if soft. A homogeneous sphere absorbs 1 - 2 (1 - (1 + d) e^-d) / d^2; errors are within 1
-   %, or 2 % if soft. */
+/* Optical depth of a sphere widened to area / `share`, with the same extinction cross section. Its disc's mean
+   transmittance is fitted by f^-2, or f^(-2/3) if soft. A homogeneous sphere absorbs 1 - 2 (1 - (1 + d) e^-d) / d^2;
+   errors are within 1 %, or 2 % if soft. */
 static double spsi_sphere_widen(double depth, int soft, double share) {
     const double a = soft ? 0.6 : 1.0 / 3, b = soft ? 0.566 : 0.374, c = soft ? 3.6 : 7;
     const double f = 1 + depth * (a + b * depth / (depth + c)), passes = 1 / (soft ? cbrt(f * f) : f * f);
@@ -8860,7 +8860,7 @@ static double spsi_sphere_radius(const spsi_rays *rays, const sps_particle *part
     return spsi_dmax((double)particle->radius, SPSI_SPHERE_LEAST * rays->pixel * spsi_distance_to(rays, offset));
 }
 
-/* Optical depths below 1e-3 scale inversely with area, within 4e-4. */
+/* Optical depths below 1e-3 scale inversely with area, correct to 4e-4. */
 static void spsi_sphere_dilute(const spsi_particle_set *set, const sps_particle *particle, double radius,
                                spsi_sphere *sphere) {
     const double own = (double)particle->radius, share = own < radius ? (own / radius) * (own / radius) : 1;
@@ -8919,8 +8919,8 @@ static void spsi_sphere_shape(const spsi_rays *rays, const double c[3], const do
     sphere->radius = (float)(radius * sqrt(per_square));
 }
 
-/* Pixel range between tangent planes through the rays' origin: x solves (X - x T)^2 = r^2 |across - x along|^2. Spheres
-   reaching behind the origin are bounded on one side only, or unbounded around the planes' common line. */
+/* Pixel range between tangent planes through the rays' origin: x solves ((across - x along) . offset)^2 = r^2 |across -
+   x along|^2. A sphere reaching behind the origin has one bound; around the planes' common line, none. */
 static void spsi_sphere_near_range(const double across[3], const double along[3], const double offset[3], double radius,
                                    int size, int *first, int *last) {
     const double x = spsi_dot(across, offset), t = spsi_dot(along, offset), square = radius * radius;
@@ -9035,14 +9035,14 @@ static inline spsi_v spsi_chord_depth(const spsi_sphere *sphere, const spsi_chor
     return sphere->soft ? spsi_mul(depth, spsi_mul(chord->share, chord->share)) : depth;
 }
 
-/* Fraction of a chord's mass before v, clamped to -1..1. */
+/* Fraction of a chord's mass before v; v is clamped to -1..1. */
 static inline spsi_v spsi_chord_fraction(int soft, spsi_v v) {
     const spsi_v half = spsi_set(0.5f), s = spsi_clamp(v, spsi_set(-1), spsi_set(1));
     if (!soft) return spsi_fma(half, s, half);
     return spsi_fma(s, spsi_sub(spsi_set(0.75f), spsi_mul(spsi_set(0.25f), spsi_mul(s, s))), half);
 }
 
-/* Solid angle relative to a cube face's middle texel; edge texels count half per face. */
+/* Solid angle relative to a cube face's middle texel; edge texels count half, corners a quarter. */
 static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
     const int edges = (x == 0 || x == rays->width - 1) + (y == 0 || y == rays->height - 1);
     double e[3];
@@ -9050,7 +9050,7 @@ static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
     return pow(spsi_dot(e, e), -1.5) * (edges == 0 ? 1 : edges == 1 ? 0.5 : 0.25);
 }
 
-/* Sum of relative chords over texels. `round` 1: weighted by solid angle. */
+/* Sum over texels of relative chords sqrt(1 - d^2), cubed if soft. `round` 1: weighted by solid angle. */
 static double spsi_sphere_sum(const spsi_rays *rays, const spsi_sphere *sphere, const int box[4], int round) {
     float lanes[SPSI_LANES];
     spsi_v sums = spsi_set(0);
@@ -9159,7 +9159,7 @@ typedef struct spsi_sweep {
     const spsi_light *light; /* light whose sheets are swept; NULL: none */
     int first;               /* 1: also adds coverage, ambient light, emission, and lights without sheets */
     int back_to_front;
-    double cosine_of_light, cosine_of_eye; /* minimum between rays and s */
+    double cosine_of_light, cosine_of_eye; /* rays' minimum cosines to s */
     int part[4];                           /* first column and row in the image, then their ends */
     spsi_rays eye;                         /* rays of this part */
     spsi_slabs slabs;
@@ -9236,7 +9236,6 @@ SPSI_COLD void spsi_subslab_direction(const spsi_rays *eye, double direction[3])
     spsi_normalise(direction);
 }
 
-/* `light`: light whose sheets are swept; NULL: none. */
 SPSI_COLD void spsi_sweep_clear(const spsi_frame *frame, const spsi_light *light, int part, spsi_sweep *sweep) {
     double *corner = frame->content->eye.perspective ? sweep->eye.c : sweep->eye.origin;
     memset(sweep, 0, sizeof *sweep);
@@ -9363,9 +9362,9 @@ SPSI_COLD int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
     return spsi_sweep_turn(frame, axis, sweep) || spsi_sweep_turn(frame, eye, sweep);
 }
 
-/* Voxel length that sizes slabs for a ray: its chord through a voxel's centre, halved or quartered at grazing angles.
-   Powers of 1/2 keep slabs in place as a light turns, to avoid flicker. The chord 1 / sqrt(d' (V V')^-1 d) equals a
-   cube's edge, but is much shorter than the kernel in flat or sheared voxels. */
+/* Voxel length that sets slab thickness for a ray: its chord through a voxel's centre, halved or quartered at grazing
+   angles. Powers of 1/2 keep slabs in place as a light turns, to avoid flicker. The chord 1 / sqrt(d' (V V')^-1 d)
+   equals a cube's edge, but is much shorter than the kernel in flat or sheared voxels. */
 SPSI_COLD double spsi_slab_chord(const spsi_lattice *lattice, const double s[3], const double ray[3]) {
     const double cosine = fabs(spsi_dot(s, ray));
     const double share = cosine >= SPSI_COSINE_EVEN ? 1 : cosine >= SPSI_COSINE_EVEN / 2 ? 0.5 : 0.25;
@@ -9406,8 +9405,8 @@ SPSI_COLD double spsi_chord_of_rays(const spsi_frame *frame, const spsi_lattice 
     return spsi_dmax(least, spsi_chord_to_bounds(lattice, s, rays->origin, &frame->content->bounds));
 }
 
-/* Voxel length that sizes slabs: the extent along s. Classified volumes use the chord if shorter, since values must
-   change little per slab. Very flat voxels use at least 1/16 of the extent. */
+/* Voxel length that sets slab thickness: the extent along s. Classified volumes use the chord if shorter, since values
+   must change little per slab. Very flat voxels use at least 1/16 of the extent. */
 SPSI_COLD double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                                  const spsi_light *light, const double s[3]) {
     const double extent = spsi_voxel_extent(lattice, s), flattest = 1.0 / 16;
@@ -9424,8 +9423,8 @@ SPSI_COLD double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *la
 }
 
 /* Refines slabs, in groups, where radiance changes within a slab. Particles need thickness `fine`. Voxels need
-   slab_thickness times the longer of their shortest edge and an optical depth of 0.05 at value 1. Never thinner than
-   `least`. */
+   slab_thickness times the longer of their shortest edge and the length with optical depth 0.05 at value 1. Never
+   thinner than `least`. */
 static void spsi_slabs_group(const spsi_frame *frame, double fine, double least, spsi_slabs *slabs) {
     slabs->group = 1;
     if (frame->matter.classifies || frame->view.slab_thickness > SPSI_GROUP_SLAB) return;
@@ -9474,7 +9473,7 @@ SPSI_COLD sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *fram
     return SPS_OK;
 }
 
-/* Widest penumbra in the content, in texels; infinite if any is beside or behind the light. */
+/* Widest penumbra in the content, in texels; infinite if content is beside or behind the light. */
 SPSI_COLD double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sweep) {
     const spsi_light *light = sweep->light;
     const double texel = spsi_dmin(spsi_length(sweep->rays.a), spsi_length(sweep->rays.b));
@@ -9518,7 +9517,7 @@ SPSI_COLD const spsi_light *spsi_sliced_light(const spsi_frame *frame, int n) {
     return NULL;
 }
 
-/* Number of shadowing lights in sweep n; the first includes all without sheets. */
+/* Number of shadowing lights in sweep n; the first sweep includes all without sheets. */
 SPSI_COLD int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
     return (n < frame->lights.sliced_count) + (n == 0 ? frame->lights.shadow_count - frame->lights.sliced_count : 0);
 }
@@ -9543,8 +9542,9 @@ SPSI_COLD double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *swee
     return spsi_dmin(least, SPSI_SLAB_TEXELS * spsi_pixel_size_at(&sweep->rays, sweep->rays.depth_reference));
 }
 
-/* Returns a particle's equivalent voxel edge, or infinity. A sphere has the variance of a voxel of 0.7 radii (r^2 / 5
-   if homogeneous). A cloud is at most about 500 edges deep, since slabs need not resolve small particles. */
+/* Returns a particle's equivalent voxel edge, or infinity. A sphere (variance r^2 / 5 if homogeneous) corresponds to a
+   voxel kernel with edge 0.7 r. A cloud is at most about 500 edges deep, since slabs need not resolve small
+   particles. */
 SPSI_COLD double spsi_sweep_begin(const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
     spsi_sweep_clear(frame, spsi_sliced_light(frame, n), part, sweep);
     sweep->first = n == 0;
@@ -9564,8 +9564,8 @@ SPSI_COLD sps_result spsi_sweep_build(sps_context *context, const spsi_frame *fr
                           &sweep->slabs);
 }
 
-/* Cuts the image into the fewest parts with good, else valid, slab angles. If quarters fail, leaves it whole; the
-   caller then refuses. */
+/* Cuts the image into the fewest parts with good, else valid, slab angles. If quarters fail, leaves it whole, and the
+   caller refuses. */
 SPSI_COLD void spsi_image_divide(const spsi_frame *frame) {
     static const double cosines[] = {SPSI_COSINE_EVEN, 0.25, SPSI_COSINE_MIN};
     spsi_content *content = frame->content;
@@ -9591,19 +9591,19 @@ SPSI_COLD void spsi_image_divide(const spsi_frame *frame) {
 
 /* ================================================================================================ >>splat
    20 Footprints. In ray space a voxel's kernel is a Gaussian whose line integral is a 2D Gaussian [Zwicker et al.
-   2002]. Its section between two slab planes is a difference of spsi_kernel_fraction. It is evaluated per pixel,
-   since slabs are tilted and kernels sheared; otherwise the error would not fall with thickness. Near a perspective
-   eye, each pixel's own ray is integrated. Sections end at polygons and the near plane; footprints are widened to a
-   pixel. Classified volumes are sampled per pixel and uncut slab instead, since transfer functions do not commute
-   with filters. Sheets store the integral of value over t; shading multiplies by length per t. Cost: 14 vector
-   operations per vector of fragments and section, 25 per row. */
+   2002]. Its section between two slab planes is a difference of spsi_kernel_fraction. It is evaluated per pixel, since
+   slabs are tilted and kernels sheared; otherwise the error would not fall with thickness. Near a perspective eye, each
+   pixel's own ray is integrated. Sections end at polygons and the near plane; footprints are widened to a pixel.
+   Classified volumes are instead sampled per pixel and whole slab, since transfer functions do not commute with
+   filters. Sheets store the integral of value over t; shading multiplies by length per t. Cost: 14 vector operations
+   per vector of fragments and section, 25 per row. */
 
-/* A kernel near a perspective eye, in standard deviations of t to keep fourth powers in range. */
+/* A kernel near a perspective eye. Its unit, t's standard deviation, keeps fourth powers in range. */
 typedef struct spsi_near_case {
     float unit; /* standard deviation of t */
     float covariance[6];
     float inverse[6];
-    float root;   /* root of the covariance's determinant */
+    float root;   /* square root of the covariance's determinant */
     float weight; /* integral for value 1, without per-pixel factors */
 } spsi_near_case;
 
@@ -9672,7 +9672,7 @@ typedef struct spsi_tile {
     const spsi_hit *limits; /* polygons of the image; NULL: none */
     int limit_width;
     int limit_height;
-    uint64_t open;      /* mask of patches not yet opaque; other footprints are skipped */
+    uint64_t open;      /* mask of patches not yet opaque; footprints elsewhere are skipped */
     const float *depth; /* optical depth so far; NULL: unknown */
     size_t depth_pitch; /* floats per row */
     float end;          /* optical depth for early termination */
@@ -9684,7 +9684,7 @@ typedef struct spsi_tile {
 
 static inline int spsi_patch_at(int at) { return spsi_imin(spsi_imax(at, 0), SPSI_TILE_WIDTH - 1) / SPSI_PATCH; }
 
-/* Mask of patches that meet a box, relative to the tile. */
+/* Mask of patches that meet a tile-relative box. */
 static inline uint64_t spsi_patch_box(int x0, int y0, int x1, int y1) {
     const int c0 = spsi_patch_at(x0), c1 = spsi_patch_at(x1), r0 = spsi_patch_at(y0), r1 = spsi_patch_at(y1);
     const uint64_t columns = (UINT64_C(0xff) << c0) & (UINT64_C(0xff) >> (7 - c1));
@@ -9829,7 +9829,7 @@ typedef struct spsi_sections {
     int starts; /* 1: also add the mass in front */
     int ends;   /* 1: also add the mass behind */
     spsi_v weight;
-    spsi_v v;         /* first plane, in the profile's range -1..1 */
+    spsi_v v;         /* v at the first plane; the profile spans -1..1 */
     spsi_v per_plane; /* v per plane */
     spsi_v low, high; /* where clamped rays begin and end */
 } spsi_sections;
@@ -10047,8 +10047,8 @@ typedef struct spsi_near_footprint {
     float *channel;
 } spsi_near_footprint;
 
-/* Adds a row of a near kernel at P. For a ray w = (x, y, 1), a = w' C^-1 w. The exponent (P x w)' adj(C^-1) (P x w) / a
-   avoids differences of large numbers. */
+/* Adds a near kernel at P to a vector of pixels. For a ray w = (x, y, 1), a = w' C^-1 w. The exponent, -1/2 (P x w)'
+   adj(C^-1) (P x w) / a, avoids differences of large numbers. */
 static inline void spsi_splat_near_row(const spsi_near_footprint *print, int x, int y) {
     const spsi_tile *tile = print->tile;
     const spsi_splatter *s = print->splatter;
@@ -10279,7 +10279,7 @@ typedef struct spsi_deposit_weights {
     float weight[3][3][SPSI_LANES];
 } spsi_deposit_weights;
 
-/* Parallel rays cover the whole medium, so their borders keep all mass. */
+/* Parallel rays cover the whole medium, so border samples keep all mass. */
 static void spsi_deposit_begin(const spsi_tile *tile, const spsi_splatter *s, const spsi_brick_origin *origin,
                                const spsi_brick *brick, const int edges[2][3], spsi_deposit *deposit) {
     const int last[3] = {tile->x1 - tile->x0, tile->y1 - tile->y0, tile->slab_count - 1};
@@ -10447,8 +10447,8 @@ typedef struct spsi_sphere_footprint {
     const spsi_projected_sphere *projected;
     int x0, x1, y0, y1; /* inclusive */
     int first, last;    /* slabs; last is exclusive */
-    int starts;         /* 1: also add the mass in front */
-    int ends;           /* 1: also add the mass behind */
+    int starts;         /* see spsi_sections */
+    int ends;
 } spsi_sphere_footprint;
 
 /* Slab planes along chords, in half chords from the middle. */
@@ -10519,7 +10519,7 @@ static inline void spsi_splat_sphere(const spsi_sphere_footprint *print, int cla
                                  &sections);
 }
 
-/* `starts` 1: first chunk; `left`: slab count from this chunk on. */
+/* `starts` 1: first chunk; `left`: slabs from this chunk on. */
 static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossing,
                                 const spsi_projected_sphere *projected, int starts, int left) {
     const spsi_sphere *sphere = &projected->sphere;

@@ -5067,7 +5067,7 @@ typedef struct spsi_block {
 #define SPSI_BLOCK_ROWS   (SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE)
 #define SPSI_BLOCK_BRICKS ((SPSI_BLOCK / SPSI_BRICK) * (SPSI_BLOCK / SPSI_BRICK) * (SPSI_BLOCK / SPSI_BRICK))
 
-/* Bit x of a row mask is voxel x of the block. */
+/* Row masks: bit x is the block's voxel x. */
 typedef struct spsi_voxels {
     spsi_block block;
     int brick_voxels[SPSI_BLOCK_BRICKS]; /* relevant voxels per brick */
@@ -5436,7 +5436,7 @@ static void spsi_brick_bound(spsi_brick *brick, const uint64_t steps[3]) {
     }
 }
 
-/* Copies a brick's relevant voxels; after a segment's last, zeroes the padding. */
+/* Copies a brick's relevant voxels; for a segment's last brick, zeroes the padding. */
 static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, spsi_brick *brick) {
     uint64_t steps[3] = {0, 0, 0};
     int at = brick->first;
@@ -5644,8 +5644,8 @@ SPSI_COLD void spsi_particle_bounds(const sps_particle *particle, spsi_bounds *b
     }
 }
 
-/* Larger of two mean extinctions: of single particles, weighted by coverage, and of all mixed evenly. A cloud's volume
-   is that of a cube with edge 2 * spread. Soft particles count half. At most 8192 are sampled. */
+/* Larger of two mean extinctions: of single particles, weighted by coverage, and of all mixed in a cube of edge 2 *
+   spread. Soft particles count half. At most 8192 are sampled. */
 static double spsi_measure_extinction(const spsi_frame *frame) {
     const spsi_content *content = frame->content;
     const int step = 1 + content->particle_count / 8192;
@@ -5880,7 +5880,7 @@ SPSI_COLD double spsi_largest_albedo(const spsi_frame *frame) {
     return spsi_dmin((double)most, 1);
 }
 
-/* True if polygons and media illuminate each other: no bound is known. */
+/* True if polygons and media illuminate each other, which has no known bound. */
 SPSI_COLD int spsi_polygons_scatter(const spsi_frame *frame) {
     return frame->meshes.triangle_count > 0 && (frame->matter.scatters || frame->matter.emits);
 }
@@ -6319,8 +6319,8 @@ static inline spsi_v spsi_hit_depths(const spsi_hit *hits, int width, int height
 
 typedef struct spsi_face_lists {
     spsi_face *faces;
-    spsi_face_texture *textures; /* NULL: no shade_fn */
-    spsi_mesh_faces *meshes;     /* NULL: no shade_fn */
+    spsi_face_texture *textures; /* see spsi_faces */
+    spsi_mesh_faces *meshes;
     int face_count, texture_count;
 } spsi_face_lists;
 
@@ -6637,7 +6637,7 @@ static inline void spsi_raster_vector(const spsi_raster *raster, const spsi_edge
             spsi_raster_store(raster, at + (size_t)n, face, depth[n], weights[0][n], weights[1][n]);
 }
 
-/* Skips translucent faces. */
+/* Draws a face's rows y0..y1 unless translucent. */
 static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1) {
     const int *box = raster->boxes + 4 * face;
     spsi_edges e;
@@ -6758,7 +6758,7 @@ static int spsi_face_is_flat(const spsi_face *face) {
            memcmp(face->normal[0], face->normal[2], sizeof face->normal[0]) == 0;
 }
 
-/* Interpolated, not normalised. plane: facet normal. */
+/* Interpolated normal, not normalised. plane: facet normal. */
 static void spsi_face_normal(const spsi_face *face, const spsi_hit *hit, const double plane[3], double normal[3]) {
     double w[3];
     spsi_hit_weights(hit, w);
@@ -7195,7 +7195,7 @@ static void spsi_layer_pass(const spsi_layers_job *job, const spsi_fragment *fra
         covered += through[c] * (1 - passes[c]);
         through[c] *= passes[c];
     }
-    layer->covered += covered; /* mean depth weighted by coverage */
+    layer->covered += covered; /* mean depth, weighted by opacity */
     layer->hit.depth += layer->covered > 0 ? covered / layer->covered * (depth - layer->hit.depth) : 0;
 }
 
@@ -7276,7 +7276,7 @@ SPSI_COLD size_t spsi_fragments_count(sps_context *context, spsi_layers_job *job
     return sum <= UINT32_MAX ? (size_t)sum : SIZE_MAX;
 }
 
-/* With edge sampling, hits of mixed pixels only mark where media end. */
+/* hits: see spsi_edge_fragments. */
 SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                        spsi_hit *hits, spsi_layers *layers) {
     const spsi_rays *eye = &frame->content->eye;
@@ -7489,7 +7489,7 @@ static void spsi_pixel_layers(const spsi_visible *visible, size_t pixel, size_t 
     for (size_t i = 0; i < 2; ++i) range[i] = visible->layers.first ? visible->layers.first[pixel + i] : 0;
 }
 
-/* Finds each mesh's rows, so that no mesh needs a scan of the whole image. */
+/* Finds each mesh's rows, to avoid scanning the image per mesh. */
 static void spsi_surface_rows(const spsi_surface_batch *batch) {
     spsi_mesh_faces *meshes = batch->faces->meshes;
     const spsi_visible *visible = batch->visible;
@@ -7586,7 +7586,7 @@ static void spsi_packet_begin(const spsi_faces *faces, int is_direction, int on_
     packet->rounding = 16 * DBL_EPSILON * faces->extent;
 }
 
-/* `room` covers rounding of origins and box differences. Clamping keeps reciprocals finite; it would matter only to
+/* `room` covers rounding of origins and box differences. Clamping keeps reciprocals finite; it would matter only for
    boxes 1e30 widths away. */
 static void spsi_packet_add(const spsi_tree *tree, int at, int own, const double origin[3], const double toward[3],
                             spsi_packet *packet) {
@@ -7643,7 +7643,7 @@ static inline int spsi_edges_contain(const double a[3], const double b[3], const
 }
 
 /* Mask of rays that a face occludes. For rays from faces, the hit must be ahead by more than round-off of world and
-   mesh. Adjacent or coincident faces then cast no false shadows, without adjacency data. */
+   mesh. Adjacent or coincident faces then cast no false shadows. */
 static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int first) {
     const double *p = face->position[0], *q = face->position[1], *r = face->position[2];
     double n[3], room, stops[SPSI_LANES];
@@ -7754,7 +7754,7 @@ static int spsi_face_near(const spsi_face *face, const double centre[3], double 
     return fabs(spsi_dot(plane, offset)) <= half * (fabs(plane[0]) + fabs(plane[1]) + fabs(plane[2]));
 }
 
-/* True if a face may cut a box, by tree boxes and planes. */
+/* True if a face may cut a box: tests tree nodes and planes. */
 static int spsi_faces_near(const spsi_faces *faces, const double centre[3], const double half[3]) {
     const double most = spsi_dmax(half[0], spsi_dmax(half[1], half[2]));
     const spsi_ray still = {{centre[0], centre[1], centre[2]}, {0, 0, 0}, 0, 0};
@@ -8214,8 +8214,8 @@ SPSI_COLD sps_result spsi_light_grid_aim(sps_context *context, const spsi_frame 
 
 #define SPSI_IMAGE_ROW_FLOATS 5 /* per texel of a row: uv and color */
 
-/* Lays out the mip levels (memory NULL: only counts). Each halves the axis with shorter texel edges, or both axes if
-   about equal. */
+/* Lays out the mip levels (memory NULL: only counts). Each halves the axis with shorter texel edges, or both if about
+   equal. */
 SPSI_COLD void spsi_image_lay_out(const spsi_projection *projection, float *memory, uint64_t *laid, spsi_image *image) {
     int size[2] = {projection->given.width, projection->given.height}, level = 0;
     double edge[2] = {projection->edge[0], projection->edge[1]}, shortest = spsi_dmin(edge[0], edge[1]);
@@ -9209,7 +9209,7 @@ SPSI_COLD int spsi_subslab_count(const spsi_frame *frame) {
     return frame->lights.sliced_count > 0 ? 1 : frame->content->parts[0] * frame->content->parts[1];
 }
 
-/* First column and row of part n, then its ends. */
+/* Sets part n's bounds, see spsi_sweep. */
 SPSI_COLD void spsi_subslab_place(const spsi_frame *frame, int n, int part[4]) {
     const spsi_content *content = frame->content;
     const int at[2] = {n % content->parts[0], n / content->parts[0]};
@@ -9363,8 +9363,8 @@ SPSI_COLD int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
 }
 
 /* Voxel length that sets slab thickness for a ray: its chord through a voxel's centre, halved or quartered at grazing
-   angles. Powers of 1/2 keep slabs in place as a light turns, to avoid flicker. The chord 1 / sqrt(d' (V V')^-1 d)
-   equals a cube's edge, but is much shorter than the kernel in flat or sheared voxels. */
+   angles. Powers of 1/2 avoid flicker as a light turns. The chord 1 / sqrt(d' (V V')^-1 d) equals a cube's edge, but is
+   much shorter than the kernel in flat or sheared voxels. */
 SPSI_COLD double spsi_slab_chord(const spsi_lattice *lattice, const double s[3], const double ray[3]) {
     const double cosine = fabs(spsi_dot(s, ray));
     const double share = cosine >= SPSI_COSINE_EVEN ? 1 : cosine >= SPSI_COSINE_EVEN / 2 ? 0.5 : 0.25;
@@ -9760,7 +9760,7 @@ SPSI_COLD int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *
    Normalising wider voxels one by one would alias uniform media. */
 #define SPSI_ALONE 16
 
-/* Computes all that depends on (x, y, t): pixel filter, conditional Gaussians, section. */
+/* Computes everything that depends on (x, y, t): pixel filter, conditional Gaussians, section. */
 static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v y, spsi_v t, spsi_v value,
                                         spsi_footprints *out) {
     const spsi_v one = spsi_set(1), c22 = spsi_set(s->covariance[5]), two = spsi_set(2), half = spsi_set(0.5f);
@@ -10026,7 +10026,7 @@ static void spsi_extent_range(const spsi_extent *e, int *first, int *last) {
     *last = spsi_imin(*last, (int)spsi_fmin(floorf((b + sqrtf(root > 0 ? root : 0)) / a), (float)SPSI_SIZE_MAX));
 }
 
-/* True if an ellipsoid reaches in front of the eye, and between a range's end planes. */
+/* True if an ellipsoid reaches in front of the eye and between a range's end planes. */
 static int spsi_extent_meets(const spsi_extent *e, int first, int last) {
     const float ends[2] = {(float)first - 0.5f, (float)last + 0.5f};
     for (int i = 0; i < 2; ++i) {
@@ -10093,7 +10093,6 @@ static inline void spsi_splat_near_row(const spsi_near_footprint *print, int x, 
     spsi_add_sections(&sections, SPSI_MASS_KERNEL, 1);
 }
 
-/* `side` -1: the mirror image. */
 static int spsi_near_meets(const spsi_tile *tile, const spsi_splatter *s, const float q[3], float side) {
     const spsi_extent x = spsi_near_extent(s, q, 0, side), y = spsi_near_extent(s, q, 1, side);
     return spsi_extent_meets(&x, tile->x0, tile->x1) && spsi_extent_meets(&y, tile->y0, tile->y1);

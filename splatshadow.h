@@ -10546,20 +10546,20 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossi
 /* ================================================================================================ >>sampler
    21 Volumes sampled per pixel (gathered). A sample sums 4^3 or 6^3 voxels, weighted by a normalised kernel tabulated
    at 1025 positions. Bricks of 8^3 voxels have an apron for the taps. Vertical neighbours share layers; empty layers
-   are not stored. A bit per cell of 2^3 voxels marks where samples matter. Samples lie in the middle of steps h. A
+   are not stored. A bit per cell of 2^3 voxels marks where samples matter. Samples lie at the midpoints of steps h. A
    slab's integral is h times their sum plus h / 24 times the change in first differences between its ends. This
    end-corrected midpoint rule has error O(h^4). Slabs cut by a polygon or the near plane are sampled separately.
-   Where voxels are smaller than pixels, a pixel has two rays. Successive samples alternate between corners of its
-   middle half, as good as four rays. Still smaller voxels take up to 8^2 rays. Unclassified volumes have a pyramid,
-   filtered by (1, 3, 3, 1) / 8 along each axis (spectrum cos^3). Classified ones have none. The camera's pixels choose
-   one level for all targets; with two, media would lie in front of or behind their own shadow. The next level is
-   blended in gradually.
-   With a tolerance, sixteen rays stand for 8 x 8 pixels where media are smooth. Cubics interpolate between them; third
+   Where voxels are smaller than pixels, a pixel has two rays. Their samples alternate between corners of its central
+   half: as good as four rays. Still smaller voxels take up to 8^2 rays. Unclassified volumes have a pyramid, filtered
+   by (1, 3, 3, 1) / 8 along each axis (spectrum cos^3). Classified ones have none. The camera's pixels choose one level
+   for all targets; with two, media would lie in front of or behind their own shadow. The next level is blended in
+   gradually.
+   With a tolerance, sixteen rays represent 8 x 8 pixels where media are smooth. Cubics interpolate between them; third
    differences per brick octant bound the error.
    Cost in vector operations: 20 per sample of 4^3 voxels, 80 of 6^3, twice that per gradient. Add 60 per vector of
-   samples; interpolated ones take 5. A level takes 60 per voxel. */
+   samples; an interpolated vector takes 5. A level takes 60 per voxel. */
 
-#define SPSI_SAMPLER_MOST     11    /* samples per ray and slab; thicker slabs are splatted */
+#define SPSI_SAMPLER_MOST     11    /* maximum samples per ray and slab; thicker slabs are splatted */
 #define SPSI_SAMPLER_STEP     1.45  /* largest step in voxels: one sample in a one-voxel slab at any angle */
 #define SPSI_SAMPLER_STEP_6   1.0   /* with 6^3 taps */
 #define SPSI_SAMPLER_OPAQUE   1e4   /* voxels of greater optical depth are splatted: a tap 3 voxels away weighs 1e-5 */
@@ -10573,9 +10573,10 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_sphere_setup *crossi
 #define SPSI_PYRAMID_CELLS  16777216         /* 2^24: floats index a grid's bricks */
 
 /* Nanoseconds, to choose between splatting and gathering; only ratios matter. Measured on one core with 16-wide
-   vectors; constant, so that images do not depend on the machine. Footprints count 1.35 times, since some lie in two
-   tiles or chunks. With 6^3 taps, eleven passes (bonsai, blob, smoke, full 256^3; high, ultra; 256, 1024 pixels) break
-   even at costs of 16 to 37, median 28. At medium quality, costs up to 20 for 4^3 gather all, which is faster. */
+   vectors; constant, so that images do not depend on the machine. Footprint costs include a factor 1.35, since some lie
+   in two tiles or chunks. With 6^3 taps, eleven passes (bonsai, blob, smoke, full 256^3; high, ultra; 256, 1024 pixels)
+   break even at costs of 16 to 37, median 28. At medium quality, costs up to 20 for 4^3 taps gather all volumes, which
+   is faster. */
 #define SPSI_COST_FOOTPRINT   90.0
 #define SPSI_COST_FRAGMENT    0.57
 #define SPSI_COST_SAMPLE      8.0
@@ -10741,7 +10742,7 @@ SPSI_COLD void spsi_pyramid_list(const spsi_pyramid_job *job) {
         spsi_pyramid_at(field, brick->place, at);
         for (int n = 0; n < 8 && fine; ++n) {
             const int held = spsi_level_child(fine, at, n);
-            for (int q = 0; q < 4 && held >= 0; ++q) /* half a brick touches two thirds */
+            for (int q = 0; q < 4 && held >= 0; ++q) /* each half touches two of the thirds */
                 brick->layers[(n / 2 % 2 + q / 2) * 3 + n % 2 + q % 2] |=
                     spsi_level_layers(job->taps, &fine->stored[held], n / 4);
         }
@@ -10755,7 +10756,7 @@ SPSI_COLD void spsi_pyramid_list(const spsi_pyramid_job *job) {
     }
 }
 
-/* Marks visible voxels: above 0, or if classified, unless all of 0..value is transparent. */
+/* Marks visible voxels: above 0 or, if classified, not transparent throughout 0..value. */
 static void spsi_pyramid_show(const spsi_pyramid_job *job, int held) {
     const int pitch = spsi_pyramid_pitch(job->taps), border = job->taps / 2 - 1;
     const int lanes = spsi_imin(SPSI_LANES, SPSI_BRICK), whole = (1 << lanes) - 1;
@@ -10889,7 +10890,7 @@ static void spsi_cells_mark(const uint64_t *const shown[27], int reach, uint32_t
     }
 }
 
-/* Fills aprons. Marks cells with visible voxels within taps / 2, plus n in mask n of a classified volume. */
+/* Fills aprons. Marks cells with visible voxels within taps / 2, or taps / 2 + n in a classified volume's mask n. */
 static void spsi_pyramid_apron_task(void *data, int held) {
     const spsi_pyramid_job *job = (const spsi_pyramid_job *)data;
     const spsi_pyramid_level *field = job->field;
@@ -10973,7 +10974,7 @@ SPSI_COLD void spsi_level_place(const spsi_pyramid_level *fine, spsi_pyramid_lev
     }
 }
 
-/* Indexes a level's bricks at and around the finer ones, since each may receive voxels. */
+/* Indexes a level's bricks at and around the finer ones, since any may receive voxels. */
 SPSI_COLD void spsi_level_number(const spsi_pyramid_level *fine, spsi_pyramid_level *level) {
     const size_t cells = spsi_pyramid_cells(level);
     memset(level->grid, 0, cells * sizeof *level->grid);
@@ -10991,7 +10992,7 @@ SPSI_COLD void spsi_level_number(const spsi_pyramid_level *fine, spsi_pyramid_le
     for (size_t i = 0; i < cells; ++i) level->grid[i] = level->grid[i] ? level->count++ : -1;
 }
 
-/* Downsamples a brick and its one-voxel border to 4^3 voxels of another with weights (1, 3, 3, 1) / 8. */
+/* Downsamples a brick and its one-voxel border to 4^3 coarser voxels with weights (1, 3, 3, 1) / 8. */
 static void spsi_level_octant(const spsi_pyramid_job *job, int from, int to, const int first[3]) {
     enum { FROM = SPSI_BRICK + 2, TO = SPSI_BRICK / 2 };
     const int pitch = spsi_pyramid_pitch(job->taps), before = job->taps / 2 - 2;
@@ -11036,14 +11037,14 @@ static void spsi_level_own_task(void *data, int held) {
 
 /* ---- rays ---- */
 
-/* A pyramid level in a target's ray coordinates. Voxel centres are integers, counted from the first brick. */
+/* A pyramid level in a target's ray coordinates. Voxel centres lie at integers, counted from the first brick. */
 typedef struct spsi_sampler {
     const spsi_pyramid *fields;
     const spsi_pyramid_level *field; /* level sampled */
     const spsi_pyramid_level *finest;
     const uint32_t (*cells)[2]; /* cells to sample, for the required reach */
     int level, wanted;          /* level sampled, 0: full resolution; the frame's level */
-    float mix, least, widest;   /* weight of the next level; minimum variance in half pixels; maximum width */
+    float mix, least, widest;   /* next level's weight; minimum variance, maximum width in half pixels */
     int rays, side;             /* rays per pixel: 1, 2 alternating, or 2^2 to 8^2; rays per side */
     float aside;                /* pixels from centre to outermost ray, per axis */
     double breadth;             /* standard deviation of a voxel along its longest edge */
@@ -11062,7 +11063,7 @@ typedef struct spsi_taps {
     const float *weight[3], *change[3];
 } spsi_taps;
 
-/* Weighted sum of taps as four partial sums. Callers pass a constant `taps`, so that compilers unroll. */
+/* Weighted sum of taps as four partial sums. A constant `taps` lets compilers unroll. */
 static inline spsi_four spsi_taps_sum(int taps, const spsi_taps *at) {
     const int pitch = spsi_pyramid_pitch(taps), halves = taps > 4 ? 2 : 1;
     const float *x = at->weight[0], *y = at->weight[1], *z = at->weight[2];
@@ -11197,12 +11198,12 @@ typedef struct spsi_sampler_line {
 /* A vector of rays. Slab s begins at depth (s - base) * per_slab. */
 typedef struct spsi_sampler_rays {
     spsi_v base, per_slab;
-    spsi_v at[3], change[3];    /* coordinates at depth 0; change with depth */
+    spsi_v at[3], change[3];    /* coordinates at depth 0; change per unit depth */
     spsi_v nearest, limit;      /* depths where rays begin, and where polygons end them */
     spsi_sampler_line lines[2]; /* even and odd samples */
     int alternates;             /* 0: all samples are on the first line */
     int lanes;                  /* mask of active rays */
-    const int *by_slab;         /* mask of rays per slab, beginning one slab early */
+    const int *by_slab;         /* mask of rays per slab, from slab -1 on */
 } spsi_sampler_rays;
 
 static inline void spsi_sampler_line_clip(const spsi_pyramid_level *field, spsi_sampler_line *line) {
@@ -11315,7 +11316,7 @@ static float spsi_sampler_part(const spsi_sampler *t, const spsi_sampler_rays *r
     return sum * step;
 }
 
-/* Slab integrals: `whole`, unless a ray begins or ends inside. */
+/* Slab integrals: `whole`, unless a ray begins or ends inside the slab. */
 static spsi_v spsi_sampler_cut(const spsi_sampler *t, const spsi_sampler_rays *rays, int lanes, spsi_v enter,
                                spsi_v leave, spsi_v whole, uint64_t *samples) {
     const spsi_v from = spsi_max(enter, rays->nearest), to = spsi_min(leave, rays->limit);
@@ -11332,7 +11333,7 @@ static spsi_v spsi_sampler_cut(const spsi_sampler *t, const spsi_sampler_rays *r
     return spsi_load(sums);
 }
 
-/* Range of needed slabs, within one slab of the samples. */
+/* Range of needed slabs within one slab of samples. */
 static inline void spsi_sampler_slabs(const spsi_sampler *t, const spsi_sampler_rays *rays, int count,
                                       int slabs[2]) {
     float low = SPSI_INFINITY, high = -SPSI_INFINITY;
@@ -11457,12 +11458,12 @@ static float spsi_sampler_patch_extent(const spsi_sampler *t, const spsi_tile *t
     return sqrtf(most);
 }
 
-/* Error per third derivative: w^3 / 378.8 for a cubic through four evenly spaced nodes across w (integrated Peano
-   kernel). SPSI_CUBIC_WEIGHTS: its Lebesgue constant. */
+/* Error per unit third derivative: w^3 / 378.8 for a cubic through four evenly spaced nodes across w (integrated Peano
+   kernel). SPSI_CUBIC_WEIGHTS: the cubic's Lebesgue constant. */
 #define SPSI_CUBIC_BOUND   (1 / 378.8f)
 #define SPSI_CUBIC_WEIGHTS 1.631f
 
-/* Error of a patch's cubics for a third derivative of 1; the weights of one axis amplify the other's error. */
+/* Error of a patch's cubics for a third derivative of 1; one axis's weights amplify the other's error. */
 static float spsi_sampler_patch_bound(const spsi_sampler *t, const spsi_tile *tile, const spsi_sampler_patch *patch) {
     const float x = spsi_sampler_patch_extent(t, tile, patch, 0), y = spsi_sampler_patch_extent(t, tile, patch, 1);
     return SPSI_CUBIC_BOUND * (spsi_fmin(x * x * x, y * y * y) * SPSI_CUBIC_WEIGHTS + spsi_fmax(x * x * x, y * y * y));
@@ -11510,9 +11511,9 @@ static inline void spsi_sampler_boxes_extend(const spsi_sampler *t, const spsi_s
     }
 }
 
-/* Octants that boxes meet along an axis. Since stored bounds also cover the next octant, finds the first and last pair,
-   and returns the number of pairs. A sample's differences begin from taps / 2 - 1 before it to taps / 2 behind it. A
-   level's differences sum finer ones up to 2.5 voxels away. */
+/* Finds the first and last pair of octants that boxes meet along an axis; returns the number of pairs. Stored bounds
+   also cover the next octant. Differences begin up to taps / 2 - 1 before a sample and taps / 2 behind it. A level's
+   differences sum finer ones up to 2.5 voxels away. */
 static int spsi_sampler_boxes_eighths(const spsi_sampler *t, const spsi_sampler_boxes *boxes, int axis, spsi_v *first,
                                       spsi_v *last) {
     const float size = (float)(1 << t->level), edge = SPSI_BRICK / 2, apart = t->level ? 2.5f : 0;
@@ -11579,7 +11580,7 @@ static void spsi_sampler_cubic(float u, float weights[4]) {
     weights[3] = u * (u - 1) * (u - 2) / 6;
 }
 
-/* Position of pixel `i` of `count` between nodes. */
+/* Position of pixel `i` of `count`, in node spacings. */
 static float spsi_sampler_ray_position(int i, int count) { return count > 1 ? 3 * (float)i / (float)(count - 1) : 0; }
 
 static inline void spsi_sampler_across(int x, int width, spsi_v across[4]) {
@@ -11719,7 +11720,7 @@ typedef enum spsi_fill_choice {
     SPSI_SPLAT_OPAQUE, /* a truncated kernel would show on opaque surfaces */
     SPSI_SPLAT_CHEAPER,
     SPSI_SPLAT_MASS, /* media in cells: samples would lose mass */
-    SPSI_DEPOSITED,  /* likewise, smaller than samples */
+    SPSI_DEPOSITED,  /* media in cells: voxels smaller than samples */
     SPSI_GATHER_ASKED,
     SPSI_GATHER_CHEAPER
 } spsi_fill_choice;
@@ -11755,7 +11756,7 @@ SPSI_COLD spsi_fill_choice spsi_sampler_serves_at(spsi_sampler *sampler, const s
                                                   const spsi_splatter *splatter, const double q[3]) {
     const double pitch = spsi_dmin(spsi_length(rays->a), spsi_length(rays->b));
     const double finer = (double)(sampler->side << sampler->level);
-    const int many = sampler->level > 0 && sampler->side > 2; /* lone voxels keep their mass better */
+    const int many = sampler->level > 0 && sampler->side > 2; /* so that lone voxels keep their mass */
     const double least = sampler->rays == 2 ? SPSI_SAMPLER_TWO : many ? SPSI_SAMPLER_LONE : SPSI_SAMPLER_VARIANCE;
     double way[3], widest, variance, area;
     if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return SPSI_SPLAT_NEAR;
@@ -11862,10 +11863,10 @@ static int spsi_medium_is_behind(const spsi_medium *medium, const spsi_rays *ray
     return 1;
 }
 
-/* Builds and tests a level's sampler. Classified volumes take one sample per slab if enough: a parabola through samples
-   is as exact as one through means, and needs only adjacent slabs. Slabs thickened for large pixels also take one,
-   since a mean would be classified wrongly. Nine rays replace four that lose a lone voxel's mass, or whose 4 taps cut
-   off its edge. */
+/* Builds and tests a level's sampler. Classified volumes take one sample per slab if that suffices. A parabola through
+   samples is as exact as one through means, and needs only adjacent slabs. Slabs thickened for large pixels also take
+   one, since a mean would be classified wrongly. Nine rays replace four that lose a lone voxel's mass, or whose 4 taps
+   cut off its edge. */
 SPSI_COLD spsi_fill_choice spsi_sampler_try(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
                                             const spsi_splatter *splatter, int level, int count,
                                             spsi_sampler *sampler) {
@@ -11883,8 +11884,8 @@ SPSI_COLD spsi_fill_choice spsi_sampler_try(const spsi_frame *frame, const spsi_
     return verdict;
 }
 
-/* Decides how a volume fills sheets, and builds its sampler: the frame's level with the fewest rays that suffice. If
-   none is chosen yet: the finest level where two or four rays suffice, else the coarsest, which is cheapest. */
+/* Decides how a volume fills sheets, and builds its sampler at the frame's level, with the fewest rays that suffice. If
+   no level is chosen yet: the finest where two or four rays suffice, else the coarsest, which is cheapest. */
 SPSI_COLD spsi_fill_choice spsi_sampler_judge(const spsi_frame *frame, const spsi_lattice *lattice,
                                               const spsi_rays *rays, const spsi_slabs *slabs,
                                               const spsi_splatter *splatter, spsi_sample_pattern pattern,
@@ -11914,7 +11915,7 @@ SPSI_COLD spsi_fill_choice spsi_sampler_judge(const spsi_frame *frame, const sps
 }
 
 /* Weight of the next level, in 128ths. It grows from 0 to 1 over the last octave of variance before that level takes
-   over. It takes over once four rays are too few and its voxels narrow enough. In perspective, the far side decides the
+   over. That happens once four rays are too few and its voxels narrow enough. In perspective, the far side decides the
    former, the near side the latter. */
 static float spsi_levels_mix(const spsi_frame *frame, int medium, const spsi_sampler *sampler) {
     const double wide = 4 * (double)sampler->widest * (double)sampler->widest / SPSI_SAMPLER_WIDEST;
@@ -11967,7 +11968,7 @@ static int spsi_pyramids_wanted(const spsi_frame *frame) {
     return spsi_taps_wanted(frame) + 8 * frame->has_gradients;
 }
 
-/* Maximum bricks of a grid, since floats index them. Sparser volumes are splatted, unless they need gradients. */
+/* Maximum cells of a grid, since floats index them. Sparser volumes are splatted, unless they need gradients. */
 SPSI_COLD size_t spsi_pyramid_cells_most(const spsi_frame *frame, size_t bricks) {
     const size_t most = frame->has_gradients ? SPSI_PYRAMID_CELLS : 64 * bricks + 65536;
     return bricks < (SPSI_PYRAMID_CELLS - 65536) / 64 ? most : SPSI_PYRAMID_CELLS;
@@ -12003,8 +12004,8 @@ SPSI_COLD int spsi_may_interpolate(const spsi_frame *frame) {
     return 0;
 }
 
-/* Counts an upper bound of all pyramids' bytes; `bricks`: maximum read per volume. A brick's voxels reach 3^3 bricks
-   per level: the finer level's and their neighbours span up to five. Sides below three bricks may grow to three. */
+/* Counts an upper bound on all pyramids' bytes; `bricks`: maximum read per volume. A brick's voxels reach 3^3 bricks
+   per level: the finer level's three and their neighbours span five. Sides below three bricks may grow to three. */
 static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, const uint64_t *bricks) {
     const size_t plane = (size_t)spsi_plane_floats(spsi_taps_wanted(frame)) * sizeof(float);
     spsi_reserve(context, SPSI_BUFFER_PYRAMIDS, 1, sizeof(spsi_pyramid));
@@ -12026,7 +12027,7 @@ static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, c
     }
 }
 
-/* Returns the number of integers in all grids. */
+/* Places the finest grids; returns their number of integers. */
 SPSI_COLD size_t spsi_pyramids_begin(const sps_context *context, const spsi_frame *frame, spsi_pyramid *fields) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     size_t all = 0;
@@ -12216,14 +12217,14 @@ SPSI_COLD sps_result spsi_pyramids_thirds(sps_context *context, const spsi_frame
 /* ============================================================================================== >>targets
    22 Filling sheets. A target is a grid of rays with a sheet per slab: the camera's, a light's, or a map face's. A
    chunk of SPSI_CHUNK slabs is filled tile by tile. A tile is one task that adds bricks, then particles, in index
-   order. Sums are thus identical for any number of workers and any region. Queues sort them by first chunk. A tile
-   costs one comparison per brick; particles are binned by tile. Footprints inside 8 x 8 pixel patches whose rays have
-   all terminated cost one test. */
+   order. Sums are thus identical for any number of workers and any region. Queues sort bricks and particles by first
+   chunk. A tile costs one comparison per brick; particles are binned by tile. Footprints inside 8 x 8 pixel patches
+   whose rays have all terminated cost one test. */
 
-/* --- contents of the slabs --- */
+/* --- slab contents --- */
 
 typedef struct spsi_queue {
-    uint16_t (*chunks)[2]; /* first and last, per item */
+    uint16_t (*chunks)[2]; /* first and last chunk, per item */
     int *order;            /* sorted by first chunk, then index */
     int *starts;           /* each chunk's first entry in `order`, and the end */
     int *present;          /* current chunk's items, in index order */
@@ -12254,7 +12255,7 @@ static int spsi_queue_sort(spsi_queue *queue, int chunks) {
     memset(passing, 0, ((size_t)chunks + 1) * sizeof(int));
     for (int i = 0; i < queue->count; ++i) {
         queue->starts[queue->chunks[i][0] + 1] += 1;
-        passing[queue->chunks[i][1] + 1] += 1; /* ends before this chunk */
+        passing[queue->chunks[i][1] + 1] += 1; /* ended before this chunk */
     }
     for (int chunk = 0; chunk < chunks; ++chunk) {
         here += queue->starts[chunk + 1] - passing[chunk];
@@ -12286,8 +12287,8 @@ SPSI_COLD int spsi_holds_gas(const sps_context *context, const spsi_frame *frame
 
 /* --- a target --- */
 
-/* A chunk's particles, binned by tile. Particles on at most 2 x 2 tiles are listed at the top left one. Wider ones
-   are in the last list, which every tile reads. */
+/* A chunk's particles, binned by tile. Particles on at most 2 x 2 tiles are listed at the top-left one. Wider ones are
+   in the last list, which every tile reads. */
 typedef struct spsi_lists {
     spsi_projected_sphere *projected;
     int *places;  /* per particle: 4 * list + flags; -1: none */
@@ -12336,7 +12337,7 @@ typedef struct spsi_target {
     float *spent;          /* error so far, per patch of each tile; NULL: none */
 } spsi_target;
 
-/* Gathered gas without emission may be interpolated at levels 0 and 1. Error bounds exclude coarser voxels. */
+/* Gathered, unclassified gas without emission may be interpolated at levels 0 and 1, which error bounds cover. */
 static int spsi_target_interpolates(const spsi_target *target, int medium) {
     const spsi_frame *frame = target->frame;
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
@@ -12390,8 +12391,7 @@ static size_t spsi_shape_floats(const spsi_shape *shape) {
            2 * SPSI_LANES; /* vectors overrun the end */
 }
 
-/* The camera's sheets have a channel per material. A light's have one for all gas and one per classified volume.
-   Classified volumes need a margin. */
+/* The camera's sheets have a channel per material. A light's have one for all gas and one per classified volume. */
 static spsi_shape spsi_shape_of(const spsi_frame *frame, int is_eye) {
     const int channels = is_eye ? frame->matter.material_count : frame->matter.light_channel_count;
     const spsi_shape shape = {channels, frame->matter.classifies};
@@ -12420,7 +12420,8 @@ SPSI_COLD void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays,
 
 /* Decides how a volume fills a target. Lights store optical depths of gases and values of classified volumes. Sheets
    and coarse maps truncate classified kernels early and do not widen them to a texel: means would be misclassified.
-   Samples conserve gas mass at any level; small voxels are deposited. Returns 0 if the voxel size is unsupported. */
+   SPSI_TARGET_SAMPLES splats gas, which conserves mass, and deposits small voxels. Returns 0 if the voxel size is
+   unsupported. */
 static int spsi_target_judge(spsi_target *target, int i) {
     const spsi_frame *frame = target->frame;
     const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
@@ -12435,7 +12436,7 @@ static int spsi_target_judge(spsi_target *target, int i) {
     splatter->sign = target->crossing.sign;
     splatter->whole = target->kind == SPSI_TARGET_EYE && material->table; /* classified slabs are not cut */
     if (splatter->whole) splatter->eye_near = -FLT_MAX;
-    if (splatter->whole || looks) splatter->filter = 0; /* nor are footprints widened */
+    if (splatter->whole || looks) splatter->filter = 0; /* classified footprints are not widened */
     if (!keeps) {
         target->verdicts[i] = spsi_sampler_judge(frame, &frame->lattices[i], target->rays, target->slabs, splatter,
                                                  pattern, &target->samplers[i]);
@@ -12478,7 +12479,7 @@ static sps_result spsi_target_build(sps_context *context, const spsi_frame *fram
 /* Tiles per worker: two if sheets may be emptied into sums. */
 static size_t spsi_sheet_tiles(const spsi_frame *frame) { return frame->particles.count > SPSI_SUMMED_MOST ? 2 : 1; }
 
-/* Reserves a tile of sheets per worker, for all targets, and counters per target. */
+/* Reserves each worker's sheets, reused by all targets, and counters per target. */
 SPSI_COLD sps_result spsi_targets_reserve(const spsi_contents *contents) {
     sps_context *context = contents->context;
     const int count = contents->target_count;
@@ -12504,7 +12505,7 @@ SPSI_COLD sps_result spsi_targets_reserve(const spsi_contents *contents) {
     return SPS_OK;
 }
 
-/* --- positions of bricks and particles --- */
+/* --- bricks and particles --- */
 
 static void spsi_brick_slabs(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_slabs *slabs, double *low,
                              double *high) {
@@ -12602,7 +12603,7 @@ static void spsi_particles_task(void *data, int i) {
     spsi_queue_set(&contents->particles, i, chunks, slab - room, slab + room);
 }
 
-/* Number of list starts: one per tile, for wide particles, and the end. */
+/* Number of list starts: one per tile, one for wide particles, and the end. */
 SPSI_COLD size_t spsi_list_starts(const spsi_rays *rays) {
     return (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays) + 2;
 }
@@ -12770,7 +12771,7 @@ static void spsi_tile_touch(spsi_tile_fill *fill) {
     fill->touched = 1;
 }
 
-/* Empties the sheets into the sums behind them, lest rounding lose weak particles. */
+/* Empties the sheets into the sums behind them, since rounding would lose faint particles. */
 static void spsi_tile_carry(spsi_tile_fill *fill) {
     const size_t floats = spsi_shape_floats(&fill->target->shape);
     float *sheets = fill->tile->sheets, *sums = sheets + floats;
@@ -12821,7 +12822,7 @@ static uint32_t spsi_patch_choose(const spsi_sampler *here, const spsi_tile *til
     return smooth;
 }
 
-/* Interpolates where the tolerance up to this chunk allows. `rest`: patches per slab left to sample. */
+/* Interpolates where the tolerance up to this chunk allows. `rest`: patches left to sample, per slab. */
 static void spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_sampler *here, int medium, float *channel,
                                   uint64_t rest[SPSI_SAMPLER_SLABS]) {
     const spsi_target *target = fill->target;
@@ -12861,10 +12862,10 @@ static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t liv
     }
 }
 
-/* Distance from visible voxels within which samples are taken; rays cross `way` voxels per slab. A classified
-   slab depends on adjacent ones: if one of three samples is visible, another two slabs away may matter. Voxels within
-   1.25 make a sample visible, since weights beyond on one side sum to 0.1. Means need one more sample at their ends;
-   draft quality omits the last voxel. At most two voxels: thicker slabs are no more exact. */
+/* Samples are taken up to taps / 2 plus this distance from visible voxels; rays cross `way` voxels per slab. A
+   classified slab depends on adjacent ones: if one of three samples is visible, another two slabs away may matter.
+   Voxels within 1.25 make a sample visible, since weights beyond on one side sum to 0.1. Means need one more sample at
+   their ends; draft quality omits the last voxel. Capped at two voxels: thicker slabs are no more exact. */
 static int spsi_reach_wanted(const spsi_target *target, int medium, float way) {
     const spsi_frame *frame = target->frame;
     const float taps = (float)(target->samplers[medium].fields->taps / 2);
@@ -12875,8 +12876,7 @@ static int spsi_reach_wanted(const spsi_target *target, int medium, float way) {
     return (int)spsi_fmin(spsi_fmax(farthest, 0), SPSI_PYRAMID_REACHES - 1);
 }
 
-/* Masks of a vector's pixels in each slab's patches, from the slab before the first. `x`: pixel in the tile; `row`: row
-   of patches. */
+/* Masks of a vector's pixels in each slab's patches, from slab -1 on. `x`: pixel in the tile; `row`: row of patches. */
 static void spsi_tile_need(const uint64_t patches[SPSI_SAMPLER_SLABS], int count, int x, int row,
                            int by_slab[SPSI_SAMPLER_SLABS + 3]) {
     by_slab[0] = by_slab[count + 1] = by_slab[count + 2] = 0;
@@ -12884,7 +12884,7 @@ static void spsi_tile_need(const uint64_t patches[SPSI_SAMPLER_SLABS], int count
         by_slab[1 + slab] = (int)(spsi_patch_pixels(patches[slab], row) >> x & SPSI_ALL_LANES);
 }
 
-/* Adds a gathered volume along unfinished rays. A vector moves down row by row, so that bricks stay in the L1 cache. */
+/* Adds a gathered volume along unfinished rays. Vectors move row by row, so that bricks stay in the L1 cache. */
 static void spsi_tile_follow(const spsi_sampler *here, spsi_tile *tile, const uint64_t patches[SPSI_SAMPLER_SLABS],
                              float *channel) {
     const int width = tile->x1 - tile->x0 + 1;
@@ -12989,7 +12989,7 @@ static void spsi_tile_splat_one(spsi_tile_fill *fill, const spsi_projected_spher
     spsi_splat_particle(fill->tile, &fill->target->crossing, projected, fill->contents->first_slab == 0, left);
 }
 
-/* Splats a list's particles. `beyond`: 0: all, 1: only if reaching right, 2: down, 3: both. */
+/* Splats a list's particles. `beyond`: 0: all; 1: only if reaching the next column of tiles; 2: row; 3: both. */
 static void spsi_tile_splat_list(spsi_tile_fill *fill, int list, int beyond) {
     const spsi_lists *lists = &fill->target->particles;
     const int first = lists->starts[list], end = lists->starts[list + 1], ahead = 8;
@@ -13013,8 +13013,8 @@ static void spsi_tile_splat_wide(spsi_tile_fill *fill) {
     }
 }
 
-/* Splats bricks, then particles: the tile's list, its left and upper neighbours', and the wide ones. Returns 0,
-   with sheets uncleared, if there are none. */
+/* Splats bricks, then particles: the tile's list, its left and upper neighbours', and the wide ones. Returns 0, with
+   sheets uncleared, if the tile is empty. */
 static int spsi_tile_splat(const spsi_target *target, const spsi_contents *contents, int column, int row,
                            spsi_tile *tile) {
     spsi_tile_fill fill = {target, contents, tile, column, row, 0, 0, 0};
@@ -13039,10 +13039,10 @@ static void spsi_tile_count(const spsi_target *target, const spsi_tile *tile, in
 }
 
 /* ========================================================================================== >>lightsheets
-   23 Optical depth of a light's sheets. Gas is stored as extinction integrated over t. Transfer functions,
-   not being linear, are applied to SPSI_SUBSLABS subslabs' means of a parabola through three slabs. */
+   23 Optical depth of a light's sheets. Gas is stored as extinction integrated over t. Transfer functions, not being
+   linear, are applied to a parabola through three slabs, averaged over each of SPSI_SUBSLABS subslabs. */
 
-#define SPSI_SUBSLABS 4 /* per slab, if classified or shaded by polygons */
+#define SPSI_SUBSLABS 4 /* per slab, if classified or shadowed by polygons */
 
 /* value + slope x + bend x^2, x from -1/2 to 1/2 in a slab. */
 typedef struct spsi_parabola {
@@ -13062,8 +13062,8 @@ static int spsi_target_has_means(const spsi_target *target, int medium) {
     return !spsi_gathers(target->verdicts[medium]) || !target->samplers[medium].lone;
 }
 
-/* Parabola of a classified volume through three slabs. It is 0 where all three samples are invisible, since
-   skipped samples would make it overshoot. Returns 0 if nothing is visible. */
+/* Parabola of a classified volume through three slabs. Without `means`, it is 0 where all three samples are invisible,
+   since skipped samples would make it overshoot. Returns 0 if it is 0 in all lanes. */
 static inline int spsi_values_through(const spsi_material *material, const spsi_v values[3], int means,
                                       spsi_parabola *p) {
     const spsi_v zero = spsi_set(0), most = spsi_max(values[1], spsi_max(values[0], values[2]));
@@ -13076,12 +13076,12 @@ static inline int spsi_values_through(const spsi_material *material, const spsi_
     return spsi_bits(shown) != 0;
 }
 
-/* A subslab's middle x, and mean square x^2 + w^2 / 12 over its width w. */
+/* A subslab's middle x, and its mean square: x^2 + w^2 / 12 for a width of w. */
 typedef struct spsi_portion {
     spsi_v middle, square;
 } spsi_portion;
 
-/* Subslab of the interval between fractions `first` and `last` of a slab. */
+/* Subslab `part` of the interval between fractions `first` and `last` of a slab. */
 static inline spsi_portion spsi_portion_of(spsi_v first, spsi_v last, int part) {
     const spsi_v width = spsi_mul(spsi_sub(last, first), spsi_set(1.0f / SPSI_SUBSLABS));
     spsi_portion s;
@@ -13165,17 +13165,17 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
 
 /* =============================================================================================== >>tmaps
    24 Filling and lookup of transmittance maps. Each of up to six faces is a grid of rays; u runs from 0 at near_depth
-   to 1 at far_depth along t. Cube faces share rays at their edges, and t is the largest coordinate from the light, so
-   results are continuous across faces. Opaque surfaces are a separate depth per texel, since they would spoil any
-   technique's fit.
-   Maps are filled in rows of tiles (bands). A tile is one task that visits volumes, particles and triangles in order,
-   so results are identical for any number of workers. Vectors of intervals are added to sums or, for lists,
+   to 1 at far_depth along t. Cube faces share rays at their edges, and t is the largest absolute coordinate from the
+   light, so results are continuous across faces. Opaque surfaces have a separate depth per texel, since they would
+   spoil any technique's fit.
+   Maps are filled in rows of tiles (bands). One task at a time adds particles, triangles and volumes to a tile, in
+   order, so results are identical for any number of workers. Vectors of intervals are added to sums or, for lists,
    counted, sorted and fitted. Volumes are splatted into slabs perpendicular to the light's axis: once for plain sums,
-   otherwise twice. A light's shadow table is an opacity map of packed 16-bit pairs of planes, cached until its
-   input's fingerprint changes. Maps of other techniques are evaluated into a table, texel by texel. Cost: occluders
-   times texels times components. Memory: 4 bytes per texel and component in a band of 64 rows, or 16 per interval. */
+   otherwise twice. A light's shadow table is an opacity map of 16-bit planes packed in pairs, cached until its input's
+   fingerprint changes. Maps of other techniques are evaluated into a table, texel by texel. Cost: occluders times
+   texels times components. Memory: 4 bytes per texel and component in a band of 64 rows, or 16 per interval. */
 
-#define SPSI_NO_SURFACE 1e30f /* u without a surface, far behind far_depth */
+#define SPSI_NO_SURFACE 1e30f /* u for no surface, far behind far_depth */
 
 typedef struct spsi_added {
     spsi_buffer lists[3]; /* volumes, meshes, and sets of particles */
@@ -13190,7 +13190,7 @@ typedef struct spsi_tmap_data {
 
 /* A light's shadow table: optical depth at evenly spaced planes, packed in adjacent pairs. */
 typedef struct spsi_shadow_table {
-    int light;          /* its light's index */
+    int light;          /* light index */
     int is_made;        /* 1: complete */
     int waits;          /* 1: made for the cells, reserved for a sweep */
     int planes;
@@ -13341,7 +13341,7 @@ typedef struct spsi_tmap_quads {
     spsi_v column[2], row[2], weight[4], u;
 } spsi_tmap_quads;
 
-#define SPSI_SHADOW_TABLE_SIDE        4 /* texels per side of a block; each of its planes is one cache line */
+#define SPSI_SHADOW_TABLE_SIDE        4 /* texels per block side; a block's plane is one cache line */
 #define SPSI_SHADOW_TABLE_TEXELS      (SPSI_SHADOW_TABLE_SIDE * SPSI_SHADOW_TABLE_SIDE)
 #define SPSI_SHADOW_TABLE_MOST        65535.0f   /* represents the table's `end` */
 #define SPSI_SHADOW_TABLE_BLOCKS_MOST 16777216.0 /* blocks times planes: 1 GB */
@@ -13541,7 +13541,7 @@ static void spsi_insert_range(const spsi_map_tile *into, size_t at, const spsi_i
     spsi_store(into->ranges + into->stride + at, spsi_select(some, spsi_max(last, u1), last));
 }
 
-/* Limits on interval ends beyond 0..1, to keep lengths finite: in u, and relative to a range, which may be tiny. */
+/* Limits on interval ends beyond 0..1, to keep lengths finite: in u, and relative to a possibly tiny range. */
 #define SPSI_INTERVAL_REACH 1e30
 #define SPSI_RANGE_REACH    1e6f
 
@@ -13646,7 +13646,7 @@ static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, c
         spsi_insert_one(into, x, y, &rest);
 }
 
-/* Inserts a vector of chords. Chords that contain the light or are divided go singly. */
+/* Inserts a vector of chords. Chords that contain the light or must be split are inserted singly. */
 static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sphere, int x, int y, int last) {
     const spsi_filling *filling = into->filling;
     const int parts = filling->map->technique->points;
@@ -13697,7 +13697,7 @@ static uint32_t spsi_tile_sphere(const spsi_occluders *occluders, int tile, uint
 
 /* --- triangles --- */
 
-/* Inserts an infinitely thin sheet or, if opaque, texels' nearest surface. */
+/* Inserts a triangle as an infinitely thin sheet or, if opaque, texels' nearest surface. */
 static void spsi_insert_triangle(const spsi_map_tile *into, int number) {
     const spsi_filling *filling = into->filling;
     const sps_tmap *map = filling->map;
@@ -13742,7 +13742,6 @@ static void spsi_map_tile_clear(const spsi_map_tile *into) {
     if (filling->visit == SPSI_VISIT_SUMS) memset(into->sums, 0, floats * sizeof(float));
 }
 
-/* Clears a tile, and inserts particles and triangles. */
 static void spsi_fill_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
     const spsi_occluders *occluders = filling->occluders;
@@ -13808,7 +13807,7 @@ SPSI_COLD sps_result spsi_fill_volumes(spsi_filling *filling) {
 
 /* --- a band of sums --- */
 
-/* Packs a texel's planes. depths[k * stride] is from the light to plane k or, for sums, from plane k - 1. */
+/* Packs a texel's planes. depths[k * stride] runs from the light to plane k or, for sums, from plane k - 1. */
 static void spsi_shadow_table_store(const spsi_shadow_table *table, size_t texel, const float *depths, size_t stride,
                                     int are_sums) {
     const int planes = table->planes, side = SPSI_SHADOW_TABLE_SIDE, width = table->grid.rays[0].width;
@@ -13960,7 +13959,7 @@ static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     if (filling->map->table) spsi_shadow_table_evaluate(filling->map, texel, &items);
 }
 
-/* Copies items to their final place; fits again if the list lacked room. */
+/* Copies items to their final position; fits again if the list lacked room. */
 static void spsi_fit_place_items(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
     const size_t in_band = texel - filling->band.first_texel, item = filling->map->technique->lists;
@@ -14145,7 +14144,7 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     return SPS_OK;
 }
 
-/* --- a face of a map, and its slabs --- */
+/* --- a map's face and slabs --- */
 
 /* Places slabs perpendicular to a face's axis, for voxels only. */
 SPSI_COLD sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
@@ -14239,7 +14238,7 @@ SPSI_COLD void spsi_shadow_table_count(sps_context *context, const spsi_shadow_t
     *(held ? &context->stats.tables_held : &context->stats.tables_made) += 1;
 }
 
-/* --- filling a face, and the whole map --- */
+/* --- filling faces and maps --- */
 
 SPSI_COLD sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluders) {
     sps_tmap *map = filling->map;
@@ -14503,7 +14502,7 @@ SPSI_COLD int spsi_voxels_outside(const sps_tmap *map, const spsi_bounds *bounds
     return 0;
 }
 
-/* Reports gas beyond the depth range, which is added at its ends. */
+/* Reports gas beyond the depth range (added at its ends). */
 SPSI_COLD void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *frame) {
     const sps_context *context = map->context;
     const double particles = (double)context->stats.particles_outside;
@@ -14532,7 +14531,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
     spsi_frame *frame = spsi_tmap_frame(map);
     memset(&occluders, 0, sizeof occluders);
     if (!frame) return context->result;
-    /* voxels after particles: slabs are cut from voxels' bounds alone */
+    /* gathers voxels last: slabs are cut from their bounds alone */
     if (spsi_gather_particles(context, frame) || spsi_gather(context, frame) || spsi_pyramids_place(context, frame) ||
         spsi_gather_faces(context, frame, &occluders.faces))
         return context->result;
@@ -14593,7 +14592,7 @@ static void spsi_shadow_tables_drop(sps_context *context, spsi_buffer_id id, int
     *count = 0;
 }
 
-/* Takes a cached table of equal input. */
+/* Takes over a cached table with equal input. */
 SPSI_COLD void spsi_shadow_table_take(sps_context *context, spsi_shadow_table *table) {
     spsi_shadow_table *held = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     for (int i = 0; i < context->shadow_table_count && table->key && !table->is_made; ++i) {
@@ -14606,7 +14605,7 @@ SPSI_COLD void spsi_shadow_table_take(sps_context *context, spsi_shadow_table *t
     }
 }
 
-/* Begins a table, cached if possible. `gas`: the gas's fingerprint. Maps of other techniques are not cached. */
+/* Begins a table, from the cache if possible. `gas`: the gas's fingerprint. Maps of other techniques are not cached. */
 SPSI_COLD sps_result spsi_shadow_table_begin(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                              uint64_t gas, spsi_shadow_table *table) {
     const spsi_subject at = spsi_settings_of(context, light->index);
@@ -14640,10 +14639,10 @@ SPSI_COLD sps_result spsi_shadow_table_fill(sps_context *context, const spsi_lig
     return spsi_tmap_resolve(&map) ? context->result : spsi_tmap_fill(&map, occluders);
 }
 
-/* --- size of a light's map, before anything is read --- */
+/* --- map size before anything is read --- */
 
 /* Maximum texels of all faces; `side`: along a side. A light inside volumes' boxes may be in front of the gas. Its
-   single face then spans 2 tan 78 degrees times a distance of up to sqrt(3) times that along an axis. */
+   single face then spans 2 tan 78 degrees times a distance up to sqrt(3) times one along an axis. */
 SPSI_COLD size_t spsi_light_tmap_texels(const spsi_frame *frame, const spsi_light *light, size_t *side) {
     spsi_rays rays[SPSI_CUBE_FACES];
     const size_t most = (size_t)(light->map_size > 0 ? light->map_size : spsi_map_texels_most(frame, light));
@@ -14672,7 +14671,7 @@ SPSI_COLD size_t spsi_light_table_planes(const spsi_frame *frame, const spsi_lig
     return (size_t)spsi_shadow_table_planes(&light->map, texels);
 }
 
-/* Bytes of a light's table (`held`) and of filling it, without lists and fits, whose lengths are unknown. */
+/* Bytes of a light's table (`held`) and of filling it, without lists and fits of unknown length. */
 static void spsi_table_bytes(const spsi_frame *frame, const spsi_light *light, const spsi_light_grid *grid,
                              size_t texels, size_t planes, size_t *held, size_t *filling) {
     const size_t tiles = (size_t)spsi_tile_columns(&grid->rays[0]) * (size_t)spsi_tile_rows(&grid->rays[0]);
@@ -14703,11 +14702,11 @@ SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *
    successive occluders combine correctly. Slabs are parallel, so a plane maps a point's texel u to the centre's x, with
    L linear in u.
          x = (u + d L)/(1 + d_t L).
-   d is the offset from centre to point in texels. For directional lights, L counts slabs, and d is the shift per
-   slab. Planes store -log V.
+   d is the offset from centre to point in texels. For directional lights, L counts slabs, and d is the shift per slab.
+   Planes store -log V.
          A_s(u) += sheet_k(x at k + 1/2),    V_k(x) = mean over s of exp(-A_s(u at k)).
-   Layers between planes store the fraction of V that polygons stop: averages of -log V over lit and dark are
-   inaccurate. Cost: 3 bicubic lookups and an exponential per point, slab and occupied texel, 6 where polygons stop
+   Layers between planes store the fraction of V that polygons stop, since averaging -log V over lit and dark points
+   is inaccurate. Cost: 3 bicubic lookups and an exponential per point, slab and occupied texel, 6 where polygons stop
    light. Memory: 8 bytes per point and texel, 12 with polygons, and 256 per texel for layers. */
 
 typedef struct spsi_area {
@@ -14763,13 +14762,13 @@ typedef struct spsi_penumbra {
     float end; /* optical depth of early termination */
     spsi_beam *beams;
     int beam_count;
-    int first_slab, plane; /* the sheets' chunk; current plane in it */
+    int first_slab, plane; /* first of the sheets' chunk; current plane in it */
     float *sheets;         /* mean extinction, per slab and texel */
     float *hidden;         /* fraction of transmitted light stopped by polygons, per layer; NULL: no polygons */
     float *const *planes;  /* results */
     uint64_t *held;        /* per tile: patches with media */
     spsi_area *looked_up;  /* per tile: texels within reach of media */
-    float *scratch;        /* per worker: transmittance at a tile's texels; fraction stopped at a beam's */
+    float *scratch;        /* per worker: transmittance at a tile's texels; fraction stopped at a beam's texels */
     size_t scratch_floats;
 } spsi_penumbra;
 
@@ -14793,7 +14792,7 @@ static inline void spsi_cubic_weights(spsi_v t, spsi_v weights[4]) {
     weights[3] = spsi_mul(spsi_mul(spsi_set(-0.5f), u), tt);
 }
 
-/* Lookups within two texels of the border return 0. */
+/* Lookups return 0 where their 4 x 4 texels would leave the grid. */
 typedef struct spsi_texel_grid {
     const float *values;
     int x0, y0, width, height;
@@ -14823,7 +14822,7 @@ static void spsi_slide_build(const spsi_penumbra *penumbra, const spsi_beam *bea
     slide->even = !rays->perspective;
 }
 
-/* Conservative bounds, with a margin of two texels. */
+/* Conservative bounds of a mapped area, plus two texels. */
 static spsi_area spsi_slide_area(const spsi_penumbra *penumbra, const spsi_beam *beam, double low, double high,
                                  int sign, spsi_area area) {
     spsi_area out = spsi_area_none();
@@ -14891,8 +14890,8 @@ static spsi_v spsi_grid_gather(const spsi_texel_grid *grid, spsi_v u, spsi_v v, 
     return spsi_select(inside, sum, spsi_set(0));
 }
 
-/* Lanes about one texel apart load consecutive texels together. Only weights differ, which may reach a quarter texel
-   beyond the stencil. */
+/* Lanes about one texel apart load consecutive texels together. Only weights differ, valid up to a quarter texel
+   outside the stencil's middle. */
 static spsi_v spsi_grid_lookup(const spsi_texel_grid *grid, spsi_v u, spsi_v v) {
     const spsi_v one = spsi_set(1), half = spsi_set(0.5f), at = spsi_sub(u, spsi_iota());
     const spsi_m inside = spsi_and(spsi_and(spsi_less(one, u), spsi_less(u, spsi_set((float)(grid->width - 2)))),
@@ -14943,8 +14942,8 @@ static void spsi_row_add(const spsi_texel_grid *grid, const spsi_slide *slide, c
     }
 }
 
-/* -ln x up to `end`, a power of 2. With z = x^(1/end) >= 1/e and t = (z-1)/(z+1), ln z = 2 (t + t^3/3 + ..). Terms up
-   to t^13 err by 2e-5 at SPSI_LIGHT_END, 8e-5 at SPSI_FORWARD_END. Exactly 0 at 1. */
+/* -ln x, at most `end`, a power of 2. With z = x^(1/end) >= 1/e and t = (z-1)/(z+1), ln z = 2 (t + t^3/3 + ..). Terms
+   up to t^13 have error 2e-5 at SPSI_LIGHT_END, 8e-5 at SPSI_FORWARD_END. Exactly 0 at 1. */
 static inline spsi_v spsi_minus_log(spsi_v x, float end) {
     const float least = end > SPSI_LIGHT_END ? 1.6038109e-28f : 1.1253517e-7f;
     spsi_v z = spsi_max(x, spsi_set(least)), t, square, sum = spsi_set(1.0f / 13);
@@ -15332,7 +15331,7 @@ static void spsi_beam_block(const spsi_penumbra *penumbra, const spsi_beam *beam
     }
 }
 
-/* Advances a band of all beams' blocks. */
+/* Advances all beams' blocks in a band. */
 static void spsi_beams_task(void *data, int index) {
     const spsi_penumbra *penumbra = (const spsi_penumbra *)data;
     for (int i = 0; i < penumbra->beam_count; ++i) {
@@ -15406,25 +15405,25 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
 }
 
 /* ============================================================================================ >>spreading
-   26 Forward scattering spreads light from sheet to sheet [Zhang & Crawfis, section 3]. A sheet of optical depth t,
-   of which s is scattering, transmits e^(s-t) of the flux. Direct light keeps e^-t; the rest joins scattered light. A
-   is its mean squared sine to the ray, B the mean product of sine and displacement, C the displacement's variance.
-   x runs from 0 to s through thickness D, and h = (1 - P[2])/2.
+   26 Forward scattering spreads light from sheet to sheet [Zhang & Crawfis, section 3]. A sheet of optical depth t, of
+   which s is scattering, transmits e^(s-t) of the flux. Direct light keeps e^-t; the rest joins scattered light. A is
+   the latter's mean squared sine to the ray, B its mean product of sine and displacement, C its displacement's
+   variance. x runs from 0 to s through thickness D, and h = (1 - P[2])/2.
      dA/dx = 2h (2/3 - A),   dB/dx = A D/s - h B,   dC/dx = 2 B D/s.
-   C's growth is the variance of a Gaussian kernel: 4/9 h s D^2 for small angles [Eyges 1948]. B decays at rate
-   h, the limit of 1 - P[1] for Henyey-Greenstein lobes near g = 1.
-   A Gaussian lacks the peak and tail: light scattered only within lobes' peaks forms a separate beam. The rest is the
-   total minus that beam; this preserves moments.
-   A two-stream factor scales stored light for backscattering: 1/(1 + Q), Q = 3/4 (1 - P[1]) s. Unbounded media
-   transmit up to a quarter more.
-   Displacements are in texels, whose growth along a cone shrinks angles. Kernels move a fraction w <= 1/2 by k = 1,
-   2, 4 .. texels, half to each side, with variance w k^2. This conserves energy at any width. Sheets alternate between
+   C's growth is the variance of a Gaussian kernel: 4/9 h s D^2 for small angles [Eyges 1948]. B decays at rate h, the
+   limit of 1 - P[1] for Henyey-Greenstein lobes near g = 1.
+   A Gaussian lacks the kernel's peak and tail, so light scattered only within lobes' peaks forms a separate beam. The
+   rest is the total minus that beam; this preserves moments.
+   A two-stream factor scales stored light for backscattering: 1/(1 + Q), Q = 3/4 (1 - P[1]) s. Unbounded media transmit
+   up to a quarter more.
+   Displacements are in texels, whose growth along a cone shrinks angles. Kernels move a fraction w <= 1/2 by k = 1, 2,
+   4 .. texels, half to each side, with variance w k^2. This conserves energy at any width. Sheets alternate between
    columns and rows.
-   Results are independent of the number of sheets. A halo's half-light radius is 3 to 14 % larger than in random
-   walks. Cost: a pass per sheet and octave of kernel width. */
+   Results are independent of the number of sheets. A halo's half-light radius is 3 to 14 % larger than in random walks.
+   Cost: a pass per sheet and octave of kernel width. */
 
 #define SPSI_SPREAD_STEP 64 /* maximum step, in texels */
-/* Minimum optical depth that light has passed: below it, differences of X are round-off. */
+/* Minimum optical depth that light has passed: below it, differences of X (>>scattering) are round-off. */
 #define SPSI_SPREAD_NEAR 0.02f
 /* A Henyey-Greenstein lobe has a peak of this weight, with mean squared sine SHARP (1 - g)^2, and a rest. */
 #define SPSI_SPREAD_PEAK  0.75f
@@ -15498,7 +15497,7 @@ typedef struct spsi_spread_sheet {
     const float *source;    /* irradiance without media */
     const float *open;      /* fraction of scattered light that passes polygons */
     const float *reach;     /* thickness along the ray, in texels at its end */
-    float growth;           /* texel size at its start over its end */
+    float growth;           /* ratio of texel sizes at its start and end */
     int sides;              /* bit 0: spread along columns now; bit 1: along rows */
     int is_last;            /* 1: spread any variance now */
 } spsi_spread_sheet;
@@ -15506,11 +15505,11 @@ typedef struct spsi_spread_sheet {
 /* Moments' changes in a sheet where 2 h s = `turned`. */
 typedef struct spsi_spread_gains {
     spsi_v keeps, mean; /* exp(-h s), and its mean over the sheet */
-    spsi_v fresh[3];    /* A, B, C from scattering here, over 2/3; B per reach, C per squared reach */
+    spsi_v fresh[3];    /* A, B, C from scattering here, divided by 2/3; B per reach, C per squared reach */
 } spsi_spread_gains;
 
-/* C gains 2 (1 - 2m + m2)/b, where b is h s; m and m2 are means of exp(-b) and exp(-2b). Up to b = 1/2, a series. In
-   a cone, A and B are averaged over events' positions. */
+/* C gains 2 (1 - 2m + m2)/b, where b is h s; m and m2 are means of exp(-b) and exp(-2b). A series is used up to b =
+   1/2. In a cone, A and B are averaged over scattering positions. */
 static void spsi_spread_gain(spsi_v turned, float growth, spsi_spread_gains *gains) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), b = spsi_mul(turned, spsi_set(0.5f));
     const spsi_v wide = spsi_max(b, spsi_set(0.5f));
@@ -15562,7 +15561,8 @@ static void spsi_spread_behind(const spsi_spread_crossing *crossing, spsi_v part
     }
 }
 
-/* Scattering optical depth of peaks; `sharp`: times their 1 - P[2]. Assumes one lobe plus isotropic: P[l] = w g^l. */
+/* Peaks' scattering optical depth; `sharp`: that times their 1 - P[2]. Assumes one lobe plus isotropic: P[l] =
+   w g^l. */
 static spsi_v spsi_spread_peak(spsi_v scattered, spsi_v turned, spsi_v back, spsi_v *sharp) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), some = spsi_max(scattered, spsi_set(FLT_MIN));
     const spsi_v p1 = spsi_max(spsi_sub(one, spsi_div(back, some)), zero);
@@ -15626,7 +15626,7 @@ static void spsi_spread_cross(const spsi_spread_light *light, const spsi_spread_
     spsi_store(light->back + at, back_behind);
 }
 
-/* Maximum variance from all shorter steps: half of each one's square. */
+/* Maximum variance from all shorter steps: half of each step's square. */
 static float spsi_spread_capacity(int k) { return (float)(((double)k * k - 1) / 6); }
 
 typedef struct spsi_spread_column {
@@ -15668,7 +15668,7 @@ static void spsi_spread_move(const spsi_spread_column *column, float *part, int 
     }
 }
 
-/* Variance beyond the largest steps' capacity is dropped. */
+/* Spreads a vector of columns, dropping variance beyond the largest steps' capacity. */
 static void spsi_spread_column_by(const spsi_spread_column *column) {
     float *const *part = column->part;
     float *widths = part[column->way];
@@ -15745,7 +15745,7 @@ SPSI_COLD size_t spsi_spread_light_floats(const spsi_spread_light *light) {
 
 /* At slopes x and y in a cone, relative solid angle is W = q^-3/2, q = 1 + x^2 + y^2. Uniform light stays uniform if
    the tilt is half the derivative of ln(W v). The variance v is q (1 + x^2), times q^0 to q^1/2 for slanted paths.
-   A point light's field in a uniform medium is then uniform to 5 %, with 48 texels across each face. */
+   A point light's field in a uniform medium is then uniform within 5 %, with 48 texels across each face. */
 SPSI_COLD void spsi_spread_texels(spsi_spread_light *light, const spsi_rays *rays) {
     double normal[3];
     memcpy(normal, rays->inverse[2], sizeof normal);
@@ -15846,8 +15846,8 @@ static spsi_v spsi_spread_flux(const spsi_spread *spread, int channel, const sps
 /* ============================================================================================== >>shadows
    27 Shadows on media and surfaces. Media cast shadows through sheets, filled chunk by chunk, or a transmittance map.
    Plane k holds the optical depth between the light and slab k. Light propagates from slab to slab, tile by tile, since
-   hard light never leaves its ray. Lookups work within the current chunk. Polygons shade media by a depth map and each
-   other by rays; points behind an opaque polygon are dark whatever the planes store. Penumbrae propagate beam by beam,
+   it never leaves its ray. Lookups work within the current chunk. Polygons shadow media by a depth map and each other
+   by rays; points behind an opaque polygon are dark whatever the planes store. Penumbrae propagate beam by beam,
    >>penumbrae. Memory: 68 bytes per texel of the planes. */
 
 typedef struct spsi_planes {
@@ -15961,7 +15961,7 @@ SPSI_COLD sps_result spsi_planes_build(sps_context *context, const spsi_frame *f
     planes->tiles_x = spsi_tile_columns(rays);
     planes->tiles_y = spsi_tile_rows(rays);
     const size_t tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
-    /* a tile's flags need less memory than a texel's planes */
+    /* flags of a tile fit in a texel's planes */
     planes->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_PLANES, texels + tiles, SPSI_PLANES_TEXEL_BYTES);
     if (!planes->open) return context->result;
     float *memory = (float *)(void *)(planes->open + tiles);
@@ -16186,7 +16186,7 @@ SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, 
 }
 
 /* Upper bound on a frame's bytes without tables, with all voxels stored, from the figures at the top of this file.
-   Tables must not exceed the memory limit. Caches and region are ignored: a scene always renders identically. */
+   Tables must not exceed the memory limit. Caches and region are ignored, so a scene always renders identically. */
 SPSI_COLD double spsi_bytes_without_tables(const sps_context *context, const spsi_frame *frame,
                                            const spsi_sweep *sheets) {
     const double pixels = (double)(frame->eye.width + SPSI_TILE_WIDTH) * (frame->eye.height + SPSI_TILE_HEIGHT);
@@ -16243,7 +16243,7 @@ static void spsi_light_table_count(const sps_context *context, const spsi_frame 
     if (light->tables > 1) *room -= sum;
 }
 
-/* Without valid slabs: one table, or several for area lights. */
+/* Gives a light without valid slabs one table, an area light several. */
 SPSI_COLD void spsi_choose_for_unserved(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                         double *room, spsi_light *light) {
     const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_EVEN;
@@ -16254,9 +16254,9 @@ SPSI_COLD void spsi_choose_for_unserved(const sps_context *context, const spsi_f
     if (light->tables > 1) light->choice = SPSI_CHOICE_TABLES;
 }
 
-/* Chooses unless the caller has. `others`: 1 if an earlier light has sheets; `room`: bytes left for tables. `plain`:
-   media's bounds without levels' padding, to judge a table's detail, lest shadows change abruptly where a level fades
-   in. */
+/* Chooses sheets or a table. `others`: 1 if an earlier light has sheets; `room`: bytes left for tables. `plain`:
+   media's bounds without levels' padding, to judge a table's detail: shadows must not change abruptly where a level
+   fades in. */
 SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *frame, const spsi_bounds *plain,
                                      int others, double *room, spsi_light *light) {
     const spsi_bounds all = frame->content->bounds;
@@ -16349,7 +16349,7 @@ static void spsi_lights_split(spsi_lights *lights) {
     spsi_lights_list(lights, count > lights->whole_count ? list : lights->whole, count);
 }
 
-/* Considers volumes' boxes and known particles. Without particles, the choice is the same before and after reading
+/* Chooses from volumes' boxes and known particles. Without particles, the choice is the same before and after reading
    gas. */
 SPSI_COLD void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
     spsi_content *content = frame->content;
@@ -16407,8 +16407,8 @@ SPSI_COLD sps_result spsi_depth_maps_build(sps_context *context, const spsi_fram
     return SPS_OK;
 }
 
-/* Aims one map per point of a soft light; together they have one map's texels. Returns the number of floats (memory
-   NULL: only counts). */
+/* Aims one map per point of a soft light; together they have as many texels as one map. Returns the number of floats
+   (memory NULL: only counts). */
 SPSI_COLD size_t spsi_translucency_maps_aim(const spsi_frame *frame, spsi_shadow *shadows, int count,
                                             spsi_translucency_map *next, float *memory) {
     size_t floats = 0;
@@ -16465,7 +16465,7 @@ SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const sp
     return SPS_OK;
 }
 
-/* Takes a table from the cells; returns 0 if none. */
+/* Takes over a table made for the cells; returns 0 if none. */
 SPSI_COLD int spsi_shadow_table_of_cells(sps_context *context, const spsi_light *light, spsi_shadow_table *table) {
     spsi_shadow_table *tables = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_CELL_TMAPS].data;
     for (int i = 0; i < context->cell_tmap_count; ++i) {
@@ -16518,7 +16518,7 @@ SPSI_COLD sps_result spsi_shadow_tables_build(sps_context *context, const spsi_f
         part.progress += part.share;
         ++next;
     }
-    spsi_shadow_tables_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count); /* tables not taken */
+    spsi_shadow_tables_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count); /* tables not reused */
     spsi_reserve(context, SPSI_BUFFER_SHADOW_TABLES, (size_t)mapped, sizeof *next);
     return context->result;
 }

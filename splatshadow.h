@@ -11512,8 +11512,8 @@ static inline void spsi_sampler_boxes_extend(const spsi_sampler *t, const spsi_s
 }
 
 /* Finds the first and last pair of octants that boxes meet along an axis; returns the number of pairs. Stored bounds
-   also cover the next octant. Differences begin up to taps / 2 - 1 before a sample and taps / 2 behind it. A level's
-   differences sum finer ones up to 2.5 voxels away. */
+   also cover the next octant. Differences begin up to taps / 2 - 1 voxels before a sample and taps / 2 behind. A
+   level's differences sum finer ones up to 2.5 voxels away. */
 static int spsi_sampler_boxes_eighths(const spsi_sampler *t, const spsi_sampler_boxes *boxes, int axis, spsi_v *first,
                                       spsi_v *last) {
     const float size = (float)(1 << t->level), edge = SPSI_BRICK / 2, apart = t->level ? 2.5f : 0;
@@ -13175,7 +13175,7 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
    fingerprint changes. Maps of other techniques are evaluated into a table, texel by texel. Cost: occluders times
    texels times components. Memory: 4 bytes per texel and component in a band of 64 rows, or 16 per interval. */
 
-#define SPSI_NO_SURFACE 1e30f /* u for no surface, far behind far_depth */
+#define SPSI_NO_SURFACE 1e30f /* u if no surface, far behind far_depth */
 
 typedef struct spsi_added {
     spsi_buffer lists[3]; /* volumes, meshes, and sets of particles */
@@ -13598,7 +13598,7 @@ static void spsi_insert_one(const spsi_map_tile *into, int x, int y, const spsi_
     if (interval->depth > 0) spsi_insert(into, x, y, &one);
 }
 
-/* Inserts part of a soft interval as points, three per sixth of a wave. Moments and Fourier series err by 1e-6. */
+/* Inserts part of a soft interval as points, three per sixth of a wave. Moments and Fourier series have error 1e-6. */
 static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const spsi_interval *interval, double from,
                                double to) {
     const sps_tmap *map = into->filling->map;
@@ -13930,7 +13930,7 @@ static size_t spsi_fitting_lay_out(const spsi_filling *filling, float *memory, s
     return laid;
 }
 
-/* Returns the number of nodes. */
+/* Returns the node count. */
 static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_interval *list, uint32_t count) {
     const spsi_filling *filling = fitting->filling;
     const int most = filling->map->settings.components / 2;
@@ -13941,7 +13941,7 @@ static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_inte
     return (uint32_t)nodes;
 }
 
-/* Sorts and fits a list; `cursors` receives the number of items. Tables are evaluated at once. */
+/* Sorts and fits a list; `cursors` receives the item count. Tables are evaluated at once. */
 static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
     const size_t in_band = texel - filling->band.first_texel;
@@ -14531,7 +14531,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
     spsi_frame *frame = spsi_tmap_frame(map);
     memset(&occluders, 0, sizeof occluders);
     if (!frame) return context->result;
-    /* gathers voxels last: slabs are cut from their bounds alone */
+    /* voxels after particles: slabs are cut from voxels' bounds alone */
     if (spsi_gather_particles(context, frame) || spsi_gather(context, frame) || spsi_pyramids_place(context, frame) ||
         spsi_gather_faces(context, frame, &occluders.faces))
         return context->result;
@@ -14546,7 +14546,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
 
 /* --- a light's shadow table --- */
 
-#define SPSI_SHADOW_TABLE_PER_COMPONENT 16 /* maximum planes per component, without lists */
+#define SPSI_SHADOW_TABLE_PER_COMPONENT 16 /* maximum planes per component of techniques without lists */
 
 /* Planes of a light's table for gas `texels` deep. A map's evenly spaced, linear planes are kept. Other techniques
    resolve finer detail, as far as their components allow. */

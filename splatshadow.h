@@ -16538,24 +16538,24 @@ SPSI_COLD void spsi_shadow_tables_release(sps_context *context, const spsi_shado
 
 /* =========================================================================================== >>scattering
    28 Forward multiple scattering. Light reaches a point through optical depth a, turns by an angle of cosine c, and
-   leaves through b; t = a + b. Besides single scattering p(c) e^-t, it contributes X(t, c): other events turn light so
-   little that it stays on this path. Their number k is Poisson distributed with mean t. Each multiplies Legendre
+   leaves through b; t = a + b. Multiple scattering adds X(t, c) to single scattering p(c) e^-t: other events turn light
+   so little that it stays on this path. Their number k is Poisson distributed with mean t. Each multiplies Legendre
    moments by albedo w and the phase function's P[l] [Goudsmit & Saunderson 1940]. Any of the k + 1 events may count
    as the point's own, so terms are divided by k + 1.
          X = sum of (2l + 1)/(4pi) P_l(c) d[l](t),
          d[l] = P[l] e^-t r(w P[l] t),   r(x) = (e^x - 1)/x - 1.
    Isotropic light leaves at the sides, so d[0] is divided by 1 + 0.06 (1+c)^2 (1 - P[1]) t. This fits random walks in
-   clouds, and is omitted with >>spreading and >>cells. X is clamped to -p e^-t. Tables are over u = t/(t + 4) and s,
-   the angle being pi s^2.
-   X falls as 1/t or 1/t^2, so lights, rays and X are cut off at depth 64. From the last node before 64, at 41, X falls
-   linearly in u to 0. At 64, X is at most 0.0013 for asymmetries up to 0.95, 0.0086 for 0.99; isotropic p is 0.08. A
-   layer that deep loses radiance 0.02 at asymmetry 0.8, 0.55 at 0.99, for irradiance 1. Cost: ln 100 / ln(1/g) terms
-   per entry, and two or three lookups per subslab, light and medium. */
+   clouds, and is omitted with >>spreading and >>cells. X is at least -p e^-t. Tables are over u = t/(t + 4) and s, the
+   angle being pi s^2.
+   X falls only as 1/t or 1/t^2, so lights, rays and X are cut off at depth 64. From the last node before 64, at 41, X
+   falls linearly in u to 0. At 64, X is at most 0.0013 for asymmetries up to 0.95, 0.0086 for 0.99; isotropic p is
+   0.08. A layer that deep loses radiance 0.02 at asymmetry 0.8, 0.55 at 0.99, for irradiance 1. Cost: ln 100 / ln(1/g)
+   terms per entry, and two or three lookups per subslab, light and medium. */
 
 #define SPSI_FORWARD_ORDERS 460 /* the last moment's square is 1e-4 at the maximum asymmetry, 0.99 */
 
-/* Cells follow the first `followed` orders minus the peak, which is the next moment. Tables keep only the peak's light
-   in these orders. */
+/* Cells solve for the first `followed` orders minus the peak, which is the next moment. In these orders, tables keep
+   only the peak's light. */
 typedef struct spsi_legendre {
     int followed;
     int stays;   /* 1: no light leaves at the sides */
@@ -16564,7 +16564,7 @@ typedef struct spsi_legendre {
     int count;
 } spsi_legendre;
 
-/* Computes moments until their square is below 1e-4. */
+/* Computes moments until their squares are below 1e-4. */
 SPSI_COLD void spsi_legendre_moments(const spsi_material *material, int followed, spsi_legendre *series) {
     double power[SPSI_LOBES_MAX], most = 0;
     series->followed = followed;
@@ -16602,8 +16602,8 @@ SPSI_COLD double spsi_forward_rest(double x, double t) {
     return (exp(x - t) - exp(-t)) / x - exp(-t);
 }
 
-/* Computes d[l]. Followed orders have the peak's factor, plus the extra single scattering that scaled extinction,
-   1 - w f, transmits. */
+/* Computes d[l]. Followed orders use the peak as moment, plus the extra single scattering that scaled extinction, (1 -
+   w f) t, transmits. */
 SPSI_COLD void spsi_legendre_orders(spsi_legendre *series, double albedo, double t) {
     const double peak = series->peak, more = exp(-t) * expm1(spsi_dmin(albedo * peak * t, t));
     for (int l = 0; l < series->count; ++l)
@@ -16635,7 +16635,7 @@ static double spsi_forward_at(const spsi_material *material, const spsi_legendre
     return spsi_dmax(spsi_legendre_sum(series, t, cosine), -spsi_phase_at(material, cosine) * exp(-t));
 }
 
-/* Fills a column: all angles. */
+/* Fills a column: one depth, all angles. */
 SPSI_COLD void spsi_forward_column(const spsi_material *material, spsi_legendre *series, double albedo, double t,
                                    float *column) {
     spsi_legendre_orders(series, albedo, t);
@@ -16751,7 +16751,7 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
 
 /* ================================================================================================ >>cells
    29 Multiple scattering: discrete ordinates on a grid of cubic cells around the media. 50 directions integrate
-   polynomials of degree 11 over the sphere [Lebedev 1976]. 26 lead to neighbours. 24 slanted ones, of slope 3:1:1,
+   polynomials of degree 11 over the sphere [Lebedev 1976]. 26 lead to neighbours. 24 slanted ones, like (3, 1, 1),
    interpolate between four upwind cells. A step of optical depth t through a cell of source s conserves energy:
      out = s + (in - s) e^-t,   mean = s + (in - s) (1 - e^-t)/t.
    Moments M are means of radiance times real spherical harmonics Y of degree l < orders (1, 2 or 4). S is the source.
@@ -16760,7 +16760,8 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
    w f. Albedo w becomes w' = w (1-f)/k, phase moments P[l] become r[l] = (P[l]-f)/(1-f).
    A sweep adds only one scattering event; multigrid corrects smooth errors. Cost: 50 steps per cell, sweep and moment;
    3 or 4 sweeps of the finest level, 5 to 8 near polygons.
-   Opaque polygons close links between cells whose centres they separate; closed links carry only their light. */
+   Opaque polygons close links between cells whose centres they separate; closed links carry only the polygons'
+   light. */
 
 #define SPSI_CELL_DIRECTIONS 50
 #define SPSI_CELL_STRAIGHT   26 /* directions to neighbours */
@@ -16779,20 +16780,20 @@ typedef struct spsi_cell_direction {
     int follows;        /* 1: beside[0] is in the same row */
     uint32_t links;     /* mask of links to other rows */
     float share[4];     /* weights of these cells */
-    float weight; /* quadrature weight; the sum is 1 */
+    float weight; /* quadrature weight; weights sum to 1 */
     float harmonic[SPSI_CELL_TERMS];
     double back[3], across[2][3]; /* unit vectors: opposite, and perpendicular */
 } spsi_cell_direction;
 
-/* Polygons around a cell: means over the links they close and the directions entering the grid from them. */
+/* Polygons around a cell: means over the links they close, and over directions of their light into the grid. */
 typedef struct spsi_cell_wall {
-    uint64_t outside;          /* bit i: direction i enters the grid from a polygon */
-    uint32_t closed;           /* bit i: a polygon closes the link of step i */
+    uint64_t outside;          /* bit i: a polygon lights the grid along direction i */
+    uint32_t closed;           /* bit i: a polygon closes link i */
     int queued;                /* scratch, >>lighting */
     float color[3], lit[3];    /* per channel: reflectance; reflected radiance from lights */
     float place[3], normal[3]; /* place: relative to the grid's corner */
     float sent;                /* radiance in the current channel, minus ambient light */
-    float patch;               /* maximum radiance of a lit polygon; then the negated fraction sent as flights */
+    float patch;               /* maximum radiosity of lit polygons; then minus the fraction sent as flights */
 } spsi_cell_wall;
 
 /* A multigrid level of one channel. Padding cells are empty. */
@@ -16806,7 +16807,7 @@ typedef struct spsi_cell_level {
     float *keep[SPSI_CELL_ORDERS];     /* w' r[l] */
     float *given, *sent, *moments[2];  /* per term; `sent` includes `given`; moments[1]: scratch after a sweep */
     const spsi_cell_wall *walls;       /* per cell; NULL: polygons send nothing */
-    uint32_t *closed;                  /* per cell: bit i closes the link of step i; NULL: all are open */
+    uint32_t *closed;                  /* per cell: bit i: link i is closed; NULL: all are open */
 } spsi_cell_level;
 
 /* Floats per row, at least 2: lookups read two columns. */
@@ -17152,7 +17153,7 @@ SPSI_COLD void spsi_cells_sweep(spsi_cell_level *level) {
 
 /* --- the equations --- */
 
-/* 1 - `keep` times the weight of a cell's source in its own mean radiance, the mean of 1 - (1-e^-t)/t. */
+/* 1 - `keep` times the weight of a cell's source in its own mean radiance: 1 - (1-e^-t)/t, averaged over directions. */
 static inline spsi_v spsi_relaxation_divisor(const spsi_cell_level *level, const float *keep, size_t at) {
     static const float share[SPSI_CELL_LENGTHS] = {24.0f / 315, 768.0f / 2835, 216.0f / 1280, 351384.0f / 725760};
     spsi_v own = spsi_set(0);
@@ -17245,7 +17246,8 @@ static inline float spsi_cell_rows_at(const float *const row[4], int x, int size
     return (3 * here + next) * (1.0f / 64);
 }
 
-/* Adds the prolonged coarse source and its scattered moments. A Jacobi step relaxes the remaining residual. */
+/* Adds the coarse correction: `given` plus `keep` times moments, prolonged. A Jacobi step relaxes the remaining
+   residual. */
 static void spsi_cells_correct_task(void *data, int z) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
@@ -17331,8 +17333,8 @@ SPSI_COLD void spsi_cells_levels(spsi_cell_solver *solver) {
     }
 }
 
-/* Solves for the finest level's source from its `depth`, `keep` and `given`. `started`: continues after changes to
-   `given`. */
+/* Solves for the finest level's source from its `depth`, `keep` and `given`. `started`: continues after polygons' light
+   has changed. */
 SPSI_COLD sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, const spsi_call_stage *part) {
     spsi_cell_level *finest = &solver->levels[0];
     const size_t bytes = (size_t)solver->terms * finest->count * sizeof(float);
@@ -17465,12 +17467,12 @@ static void spsi_cells_extrapolate_task(void *data, int row) {
 
 #define SPSI_CELL_PATCHES 8 /* patches per edge of a side */
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
-/* Patch order: by side (x, y, z; lower first), then its higher axis, then its lower. */
+/* Patch order: by side (x, y, z; lower first), then along its higher axis, then its lower. */
 #define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
 #define SPSI_CELL_AIM 0.6f /* outgoing light originates at this fraction of its path */
 #define SPSI_CELL_PLACES 6 /* floats of geometry: centre relative to the grid's corner, area, widths */
 
-/* Floats of all patches: geometry; flux and harmonics per channel; both for single scattering, per light and phase
+/* Floats of all patches: geometry; per channel, flux and harmonics; likewise for single scattering, per light and phase
    function. */
 SPSI_COLD size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
     const int sets = 1 + grid->light_count * grid->peak_count;
@@ -17482,7 +17484,7 @@ static float *spsi_cell_patches_sent(const spsi_cell_grid *grid, int channel) {
     return grid->patches + (SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * channel) * SPSI_CELL_SHEET;
 }
 
-/* Patches at a side's rim, where light changes most, are half as wide. */
+/* Patches narrow to about half towards a side's rim, where light changes most. */
 static double spsi_cell_patch_begin(int patch) {
     const double at = (double)patch / SPSI_CELL_PATCHES;
     return 0.5 * at * (1 + at * (3 - 2 * at));
@@ -17554,7 +17556,7 @@ static double spsi_cell_irradiance(const spsi_cell_grid *grid, const float *flux
     return sum + 0.625 * SPSI_PI * (double)flux[0] * mean * spsi_dmax(2 * mean - 1, 0) * (toward * toward / square - 1);
 }
 
-/* Irradiance within the grid, interpolated half a cell in front of the polygon, without cells behind it. */
+/* Irradiance within the grid, interpolated half a cell in front of the polygon, excluding cells behind it. */
 static double spsi_cells_irradiance_within(const spsi_cell_grid *grid, int channel, const double point[3],
                                            const double normal[3]) {
     const float *flux = grid->flux + (size_t)(channel * grid->flux_terms) * grid->count;
@@ -17612,8 +17614,8 @@ static int spsi_cell_visibility_near(const spsi_cell_visibility *visibility) {
     return near_sides;
 }
 
-/* Rays end just past the outermost cells' centres: links handle occlusion beyond. Staggered ends cross shadow edges
-   parallel to a side one by one. */
+/* Rays end just past the outermost cells' centres: links handle occlusion beyond. Ends are staggered: shadow edges
+   parallel to a side cross them one by one. */
 static void spsi_cell_visibility_ray(const spsi_cell_visibility *visibility, int patch, int number, double toward[3]) {
     static const int reversed[SPSI_CELL_PATCHES] = {0, 4, 2, 6, 1, 5, 3, 7};
     const spsi_cell_grid *grid = visibility->grid;
@@ -17667,7 +17669,7 @@ static uint64_t spsi_cell_patches_about(uint64_t patches) {
 }
 
 /* Visible fractions: one ray per patch, four at shadow edges. Returns 0 if all are 1. All surfaces use the same ray
-   ends: fine steps instead of noise. */
+   ends, for fine steps instead of noise. */
 static int spsi_cells_visibility(const spsi_cell_visibility *visibility, float open[SPSI_CELL_SHEET]) {
     const int near_sides = spsi_cell_visibility_near(visibility);
     int some = 0;
@@ -17701,10 +17703,10 @@ static spsi_v spsi_cell_patches_sum(const float *terms, const spsi_v harmonic[SP
     return sum;
 }
 
-/* Phase function relative to isotropic; for a nearby light, the mean at two points, weighted by irradiance. Delta-M
-   counts the peak twice: as transmitted, and in the lobe's core, phase[1]. The core's fraction of the lobe is f
-   (1-g^2)^2/(1+g^2) times the lobe. The caller scales it by the mean of exp(-(1/k-1) t) on a path of scaled depth t.
-   Lobes sharper than g = 0.85 would reveal patch parts. */
+/* Phase function relative to isotropic; for a point light, the mean at two points, weighted by irradiance. Delta-M
+   counts the peak twice: as transmitted, and in the lobe's core, phase[1]. The core's fraction is f (1-g^2)^2/(1+g^2)
+   times the lobe, at most 1. The caller scales the core by the mean of exp(-(1/k-1) t) on a path of scaled depth t. |g|
+   is at most 0.85: sharper lobes would reveal patch parts. */
 static void spsi_cell_patches_phase(const spsi_cell_grid *grid, const spsi_cell_light *light,
                                     const spsi_material *material, const spsi_v place[3], const spsi_v ahead[3],
                                     spsi_v through, spsi_v phase[2]) {
@@ -17733,9 +17735,9 @@ static void spsi_cell_patches_phase(const spsi_cell_grid *grid, const spsi_cell_
     for (int i = 0; i < 2; ++i) phase[i] = spsi_div(phase[i], all);
 }
 
-/* Adds irradiance from patch parts, `off` from the patch's centre. Form factors of discs, to second order: cosine u
-   area/(pi distance^2 + area (3u^2-2)); u is the cosine at the side. Nearby, (3u^2-2) tends to 1. Light originates at
-   SPSI_CELL_AIM of its path, not on the side: bright regions stay in place. */
+/* Adds irradiance from patch parts, offset by `off` from the patch's centre. Form factors of discs, to second order:
+   cosine u area/(pi distance^2 + area (3u^2-2)); u is the cosine at the side. Nearby, (3u^2-2) tends to 1. Light
+   originates at SPSI_CELL_AIM of its path, not on the side, so bright regions stay in place. */
 static void spsi_cell_patches_send(const spsi_cell_sender *from, const float *sent, const spsi_v way[3],
                                    const spsi_v off[2], spsi_v area, spsi_v sums[3]) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), square = spsi_max(spsi_dot_v(way, way), spsi_set(1e-30f));
@@ -17866,8 +17868,8 @@ static int spsi_cells_light_of(const spsi_cell_grid *grid, int index) {
     return i;
 }
 
-/* Extinction scale between a light and a surface, or the eye (`point`: NULL). Outside all grids, it tends to 1:
-   patches' phase functions include the peak. */
+/* Extinction scale from a light to a surface, or from there to the eye (`point`: NULL). Outside all grids, it tends to
+   1: patches' phase functions include the peak. */
 static double spsi_cells_scale_at(const spsi_cell_grid *grids, int count, int c, int index, const double *point) {
     const double scale = count > 0 ? (double)grids->scale[spsi_imin(c, grids->channels - 1)] : 1;
     const int light = count > 0 ? spsi_cells_light_of(grids, index) : 0;
@@ -17911,12 +17913,12 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
 
 #define SPSI_EMITTERS_MOST 32768 /* maximum emitting voxels; beyond, blocks of 2^3, 4^3 or 8^3 merge */
 #define SPSI_EMITTERS_EACH 4096  /* maximum emitting particles of a set; beyond, they merge per block of cells */
-#define SPSI_EMITTER_BLOCKS 26   /* maximum along a grid's edge: sums fit in SPSI_EMITTERS_EACH particles' nodes */
+#define SPSI_EMITTER_BLOCKS 26   /* maximum along a grid's edge, so sums fit in SPSI_EMITTERS_EACH particles' nodes */
 #define SPSI_FLIGHT_NODES  64    /* maximum per tree and receiver */
 #define SPSI_FLIGHT_BLOCK  4     /* edge in cells of cubes that share a node list */
 #define SPSI_FLIGHT_STEP   0.15f /* step relative to the nearer end's distance; at least a cell's edge */
 
-/* True if a light's cone may be too narrow for cells: half-angle up to 0.8 radians, close to a polygon. */
+/* True if a light's cone may be too narrow for cells: close to a polygon, up to a half-angle of 0.8 radians. */
 static int spsi_light_has_beam(const spsi_light *light) {
     return light->is_point && light->cone.exists && !light->extent.exists && light->cone.none < 0.3;
 }
@@ -18080,7 +18082,7 @@ static void spsi_emitter_sum_brick(const sps_context *context, const spsi_brick 
 }
 
 /* Centre and radius of the uniform sphere of equal variance, voxel kernels included. Returns the corresponding
-   ellipsoid's mean projected area, over pi. */
+   ellipsoid's mean projected area divided by pi. */
 static double spsi_emitter_sum_sphere(const spsi_lattice *lattice, const spsi_emitter_sum *sum, double point[3],
                                       spsi_emitter *like) {
     double at[3], square[3];
@@ -18153,8 +18155,8 @@ static double spsi_particles_crowd(const sps_particle *list, int count) {
 }
 
 /* Fraction of a set's emission that first flights always carry: cells cannot resolve dense particles' self-absorption.
-   It rises between optical depths 0.5 and 1.5. For up to 32 particles it is 1, fading until 64. Overlapping particles,
-   which cells resolve, lower it. */
+   It rises between optical depths 0.5 and 1.5. Up to 32 particles, it is 1 at any depth; this fades out by 64.
+   Overlapping particles, which cells resolve, lower it. */
 static void spsi_particles_fly(const spsi_frame *frame) {
     spsi_content *content = frame->content;
     const double few = spsi_dmax(0, spsi_dmin(2 - (double)content->particle_count / 32, 1));
@@ -18176,7 +18178,7 @@ static void spsi_particles_fly(const spsi_frame *frame) {
 }
 
 /* Fraction of a volume's emission that first flights always carry. It rises to 1 at an optical depth of 0.5, and falls
-   between widths of 6 and 12 cells. */
+   to 0 between widths of 6 and 12 cells. */
 static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, double edge) {
     const spsi_brick *b = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     float top[SPSI_VOLUMES_MAX] = {0};
@@ -18198,8 +18200,9 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
     }
 }
 
-/* Position, radius and optical radius of a particle's uniform sphere. Soft particles: 0.845 of the radius for equal
-   variance, 0.75 of the depth for equal escape (within 4 % up to 10). Returns volume times extinction. */
+/* Position, radius and optical radius of a particle's equivalent uniform sphere. Soft particles: 0.845 of the radius
+   for equal variance, 0.75 of the depth for equal escape (within 4 % up to depth 10). Returns volume times
+   extinction. */
 static double spsi_emitter_particle(const sps_particle *particle, const spsi_particle_set *set, double point[3],
                                     double *own, spsi_emitter *like) {
     const double depth = spsi_particle_depth(particle, set), radius = (double)particle->radius;
@@ -18245,7 +18248,7 @@ static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_
     }
 }
 
-/* Adds particles to `flights`. The fraction always left to first flights goes to flights[1]. */
+/* Adds particles to `flights`. The fraction that first flights always carry goes to flights[1]. */
 static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *flights,
                                         spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_content *content = frame->content;
@@ -18306,8 +18309,8 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
     if (sum->cut > 0) sum->cut = sum->radius;
 }
 
-/* Adds, as one sphere, the fraction of a volume's emission that first flights always carry. Self-absorption is an
-   ellipsoid's mean over directions: at 1:3:1, 10 % too little leaves across the long axis, 40 % too much along it. */
+/* Adds a volume's emission that first flights always carry, as one sphere. Self-absorption is an ellipsoid's mean over
+   directions: at axes 1:3:1, 10 % too little leaves across the long axis, 40 % too much along it. */
 static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_emitter_sum *sum,
                                      spsi_flights *flights, spsi_tree_item *items) {
     const int m = frame->media[lattice->medium].channel;
@@ -18385,7 +18388,7 @@ static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid 
 
 /* --- optical depth along a path --- */
 
-/* Appends coarser levels, in rows of equal pitch. Values are optical depth along a finest cell's edge. */
+/* Appends coarser levels, in rows of equal pitch. Values are optical depths along the finest cells' edge. */
 static void spsi_cell_mips_fill(const spsi_cell_grid *grid, float *to) {
     const size_t pitch = (size_t)grid->pitch;
     int size[3] = {grid->size[0], grid->size[1], grid->size[2]};
@@ -18450,9 +18453,9 @@ typedef struct spsi_segments {
     spsi_v clear, own;
 } spsi_segments;
 
-/* Steps are a cell's edge near both ends. Farther out, each crosses one coarser cell along the dominant axis, so thin
-   layers keep their depth. Coarse cells spread an emitter's medium to 1.3 times `clear`. Nearer, its pyramid is read at
-   that distance, beyond the emitter. */
+/* Steps are a cell's edge near both ends. In between, each crosses one coarser cell along the dominant axis, so thin
+   layers keep their depth. Coarse cells spread an emitter's medium to 1.3 times `clear`. Nearer, its extinction is at
+   most that at this distance, beyond the emitter. */
 static spsi_v spsi_segments_depth(const spsi_cell_grid *grid, const spsi_segments *ways) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0), own_end = spsi_mul(ways->clear, spsi_set(1.3f));
     const spsi_v rounded = spsi_set(1.001f);
@@ -18525,7 +18528,7 @@ static void spsi_flight_segments_pass(const spsi_flights *flights, const spsi_fl
 
 /* --- tree --- */
 
-/* Directions 0 to 5 lie along axes; then four diagonals per plane of two axes. */
+/* Directions 0 to 5 lie along axes; four diagonals per plane of two axes follow. */
 static void spsi_flight_direction(int number, float unit[3]) {
     memset(unit, 0, 3 * sizeof *unit);
     if (number < 6) {
@@ -18574,7 +18577,7 @@ static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *
     }
 }
 
-/* Radius around a node's emission: power mean (exponent 16) of its children, near the maximum but insensitive to weak
+/* Radius around a node's emission: power mean (exponent 16) over its children, near the maximum but insensitive to weak
    ones. Below `edge`: their mean. */
 static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_node *const *own, int count, double edge,
                                 const spsi_emitter *sum) {
@@ -18693,7 +18696,7 @@ static void spsi_flights_choose(const spsi_flights *flights, const double place[
                                 int most, spsi_flight_list *list) {
     const spsi_flight_choice choice = {flights, place, reach, 1 / angle, list->count, most};
     double scale = 1, finer = 1;
-    for (int all = flights->count == 0; !all; scale = spsi_dmax(0.9 * scale - 0.02, 0)) { /* at 0, the root stays */
+    for (int all = flights->count == 0; !all; scale = spsi_dmax(0.9 * scale - 0.02, 0)) { /* at 0: only the root */
         list->count = choice.first + 1;
         list->entry[choice.first].node = flights->nodes;
         list->entry[choice.first].emitter = &flights->nodes->sum;
@@ -18745,7 +18748,7 @@ static spsi_v spsi_flight_part(const spsi_flight *flight, spsi_v length) {
     return spsi_mul(spsi_sub(spsi_min(u, spsi_set(own)), spsi_sphere_nearer(u)), spsi_set(1 / own));
 }
 
-/* Distance from the centre where the march begins: within a particle, to include other media there. */
+/* Start of the march, as distance from the centre: within a particle, to include other media there. */
 static spsi_v spsi_flight_begin(const spsi_flight *flight, spsi_v length) {
     const spsi_emitter *emitter = flight->emitter;
     const spsi_v radius = spsi_set(spsi_fmax(emitter->radius, FLT_MIN)), u = spsi_div(length, radius);
@@ -18830,8 +18833,8 @@ typedef struct spsi_flight_job {
 typedef struct spsi_flight_cells {
     int at[3], lanes; /* first cell; bit mask of cells that contain a medium */
     spsi_v centre[3], depth, sum[3][SPSI_CELL_TERMS];
-    spsi_v gas;                /* emitters' medium, weighted by 1/distance^2, up to two edges beyond rims */
-    spsi_v own[3], trapped[3]; /* times `gas`: first-flight light, and all light within */
+    spsi_v gas;                /* emitters' medium, weighted by 1/distance^2, up to two edges beyond their rims */
+    spsi_v own[3], trapped[3]; /* times `gas`: first-flight light; trapped light */
 } spsi_flight_cells;
 
 #define SPSI_FLIGHT_ALONG spsi_imin(SPSI_LANES, SPSI_FLIGHT_BLOCK)
@@ -18877,8 +18880,8 @@ static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_f
     spsi_flights_unblocked(&place, cells->lanes, origin, toward, cut, thick, passes);
 }
 
-/* Inverse of the mean 1/distance^2 between a cell of edge 1 and a uniform sphere, given d^2 and r^2. To second order,
-   it is d^2 - r^2/5 - 1/12. Inside the sphere, it grows from r^2/3 + 0.13 at the centre. */
+/* Inverse of the mean of 1/distance^2 between a cell of edge 1 and a uniform sphere, given d^2 and r^2. To second
+   order, it is d^2 - r^2/5 - 1/12. Inside the sphere, it grows from r^2/3 + 0.13 at the centre. */
 static spsi_v spsi_sphere_square(spsi_v square, spsi_v radius) {
     const spsi_v u = spsi_max(spsi_div(square, spsi_max(radius, spsi_set(FLT_MIN))), spsi_set(0.1f));
     const spsi_v most = spsi_min(u, spsi_set(1)), cube = spsi_mul(u, spsi_mul(u, u));
@@ -18888,8 +18891,8 @@ static spsi_v spsi_sphere_square(spsi_v square, spsi_v radius) {
     return spsi_max(spsi_sub(square, rim), within);
 }
 
-/* Net flux is 1/distance^2; inside a sphere, only emission nearer to the centre contributes [Newton's shells]. Flux
-   over fluence is the light's mean cosine. */
+/* Net flux is 1/distance^2; inside a sphere, only emission nearer to the centre contributes [Newton's shell theorem].
+   Flux over fluence is the light's mean cosine. */
 static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight *flight, float fraction, int blocked,
                                   spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
@@ -18946,7 +18949,7 @@ static void spsi_flight_cells_add(const spsi_flight_job *job, const spsi_flight 
     }
 }
 
-/* Subtracts emitters' light scattered by their own medium: already in `sent`. */
+/* Subtracts emitters' light scattered by their own medium, which `sent` already includes. */
 static void spsi_flight_cells_trap(const spsi_flight_job *job, const spsi_flight_cells *cells) {
     const spsi_cell_grid *grid = job->grid;
     const spsi_v per_gas = spsi_div(spsi_set(1), spsi_max(cells->gas, spsi_set(FLT_MIN)));
@@ -19026,9 +19029,9 @@ static double spsi_emitter_lobe(const spsi_emitter *node, const double toward[3]
     return 1 - spsi_length(axis) + 4 * spsi_dmax(-spsi_dot(axis, toward) / spsi_dmax(distance, DBL_MIN), 0);
 }
 
-/* Irradiance from a uniform sphere of power 1, its centre `height` above the surface's plane. Only the part above
+/* Irradiance from a uniform sphere of intensity 1, its centre `height` above the surface's plane. Only the part above
    counts: polygons may cut it. The azimuthal integral around the centre's direction is analytic; spheres wholly above
-   act as points [Newton's shells]. `thick`: optical radius; 0: thin. */
+   act as points [Newton's shell theorem]. `thick`: optical radius; 0: thin. */
 static double spsi_sphere_lights(double distance, double height, double radius, double thick) {
     const int steps = 32;
     const double far_off = distance / spsi_dmax(radius, 1e-60), away = spsi_dmax(distance, 1e-60);
@@ -19069,7 +19072,7 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
         *nearest = spsi_dmin(*nearest, spsi_dmax(distance, (double)node->radius));
         double height = spsi_dot(toward[i], place->normal);
         double raise = 0.5 * spsi_dmax((double)node->radius - fabs(height), 0) + spsi_dmax(-height, 0);
-        cut[i] = fabs(height) < (double)node->radius ? 0 : node->cut; /* own plane: handled exactly */
+        cut[i] = fabs(height) < (double)node->radius ? 0 : node->cut; /* cut by the surface's plane: exact */
         thick[i] = node->thick;
         share[i] = spsi_sphere_lights(distance, height, (double)node->radius, (double)node->thick);
         share[i] *= spsi_emitter_lobe(node, toward[i], distance);
@@ -19105,8 +19108,8 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
     }
 }
 
-/* Nodes may be wider if their light is also swept, and for polygons in cells. Returns the nearest node's distance, at
-   least its radius. */
+/* Nodes may be wider if their light is also swept, and for polygons around cells. Returns the nearest node's distance,
+   at least its radius. */
 static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi_flights trees[SPSI_FLIGHT_TREES],
                                       double irradiance[3]) {
     double nearest = HUGE_VAL;
@@ -19125,9 +19128,9 @@ static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi
 
 /* ============================================================================================== >>shading
    31 Radiance of slabs and surfaces towards the eye. Optical depth from the light is A0 + x (A1 - A0) at fraction x of
-   a ray's path through a slab. x rises along the light. To the eye it is x t front to back, (1 - x) t back to front.
-   Both are linear, so a slab of color c sends c t spsi_mean_transmittance(..). A polygon's shadow ends the range of x;
-   a polygon on the ray cuts the slab (>>splat).
+   a ray's path through a slab. x rises along the light. To the eye, a slab of depth t adds x t front to back, (1-x) t
+   back to front. Both are linear, so a slab of color c sends c t spsi_mean_transmittance(..). A polygon's shadow ends
+   the range of x; a polygon on the ray cuts the slab (>>splat).
    Transfer functions are not linear: classified volumes have SPSI_SUBSLABS parts per slab, from a parabola through
    three slabs. There x is a fraction of optical depth. */
 
@@ -19147,7 +19150,7 @@ typedef struct spsi_multiple {
     int measures;       /* 1: the first pass */
     float *gas;         /* per pixel: optical depth so far; NULL: front to back */
     float *whole;       /* per pixel: total optical depth */
-    float *radiance[3]; /* grey: three times one buffer */
+    float *radiance[3]; /* grey: all the same */
 } spsi_multiple;
 
 typedef struct spsi_shader {
@@ -19164,13 +19167,13 @@ typedef struct spsi_shader {
     spsi_linear slab;
     spsi_linear position[3];              /* relative to `position_origin` */
     double position_origin[3];
-    spsi_linear cell[SPSI_CELL_GRIDS][3]; /* position in the grids of cells; integers are centres */
+    spsi_linear cell[SPSI_CELL_GRIDS][3]; /* position in cell grids; integers: centres */
     int unshadowed;         /* 1: also ambient light, emission, lights without shadows */
     int first_slab;         /* the chunk's first */
     int x_origin, y_origin; /* first pixel of the buffers */
     int pitch;
     float *depth;           /* optical depth so far */
-    float *radiance[3];     /* grey: three times one buffer */
+    float *radiance[3];     /* grey: all the same */
     float *distance;        /* weighted by coverage; NULL: not wanted */
     float end_depth;        /* optical depth that ends a ray */
 } spsi_shader;
@@ -19298,7 +19301,7 @@ typedef struct spsi_subslab {
     int number;         /* index along the light */
     int is_cut;         /* 1: cut by a layer to the fractions `cut` */
     spsi_v cut[2];
-    spsi_v before, after; /* optical depth from the eye to both ends, ordered along the light */
+    spsi_v before, after; /* optical depth in front of both ends, along the light; back to front: within the part */
 } spsi_subslab;
 
 /* Mean depth at which rays see a classified volume in a slab. Returns the mask of rays that see it. */
@@ -19385,7 +19388,7 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         spsi_samples_gradient(shader, &target->samplers[material->medium], p, channel, slab);
 }
 
-/* Blinn-Phong highlight (n+8)/(8 pi) (n.h)^n, nearly normalised: at most 7.5 % too bright at normal incidence, for n =
+/* Blinn-Phong highlight (n+8)/(8 pi) (N.H)^n, nearly normalised: at most 7.5 % too bright, at normal incidence and n =
    9. */
 static spsi_v spsi_highlight(spsi_v cosine, float exponent) {
     float lanes[SPSI_LANES];
@@ -19434,9 +19437,9 @@ static inline spsi_v spsi_angle(spsi_v x, spsi_v y) {
     return spsi_select(spsi_less(x, spsi_set(0)), spsi_sub(spsi_set((float)SPSI_PI), p), p);
 }
 
-/* Mean of 1/r^2 from a point to a segment of length 2h: the angle it subtends, over 2hq. q: the ray's distance; s: from
-   its nearest point to the segment's middle. The angle is atan2(2hq, q^2+s^2-h^2). Small angles use a series, without
-   division by q. */
+/* Mean of 1/r^2 from a point to a segment of length 2h: the angle it subtends, divided by 2hq. q: the ray's distance;
+   s: from its nearest point to the segment's middle. The angle is atan2(2hq, q^2+s^2-h^2). Small angles use a series,
+   without division by q. */
 static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
     const spsi_v x = spsi_fma(q, q, spsi_mul(spsi_sub(s, h), spsi_add(s, h)));
     const spsi_v y = spsi_max(spsi_mul(spsi_mul(h, q), spsi_set(2)), spsi_set(FLT_MIN * 16));
@@ -19470,7 +19473,7 @@ typedef struct spsi_reach {
     spsi_v half;     /* half the length; negative: ends are ordered towards the eye */
     spsi_v pixel;    /* world size of a pixel */
     spsi_v edges[4]; /* where a cone begins, becomes full, begins to fade, and ends, as fractions along the part */
-    spsi_v width[3]; /* between edges, precise */
+    spsi_v width[3]; /* differences of edges, without cancellation */
     /* with a cone or cookie, in the light's frame: */
     spsi_v places[4][3], normal[3]; /* positions of edges; normal of the plane through light and ray */
 } spsi_reach;
@@ -19608,8 +19611,8 @@ static spsi_v spsi_cone_passes(const spsi_reach *reach, spsi_v change) {
     return spsi_div(spsi_mean_transmittance(first, last), all);
 }
 
-/* Returns 1 if a cone covers all parts, -1 if it misses them, 0 otherwise. At an angle a from the axis, sqrt(1-cos a)
-   is sqrt(2) sin(a/2). */
+/* Returns 1 if a cone covers all lanes' parts, -1 if it misses all, 0 otherwise. At an angle a from the axis,
+   sqrt(1-cos a) is sqrt(2) sin(a/2). */
 static int spsi_cone_meets(const spsi_light *light, const spsi_reach *reach) {
     const spsi_v zero = spsi_set(0), error = spsi_set(4e-6f), *middle = reach->middle;
     const spsi_v r = spsi_sqrt(spsi_max(spsi_dot_v(middle, middle), spsi_set(FLT_MIN)));
@@ -19768,8 +19771,8 @@ static void spsi_shade_by_light(const spsi_shader *shader, const spsi_pixels *p,
     }
 }
 
-/* Per unit of scattered flux: X (>>scattering) of the whole path, minus exp(-t) times X of the path to the eye (direct
-   light). */
+/* Adds, per unit of scattered flux, X (>>scattering) of the whole path, minus exp(-t) times X of the path to the eye
+   (direct light). */
 static void spsi_add_spread_sample(const spsi_shader *shader, const spsi_shadow *shadow,
                                    const spsi_spread_light_at *arriving, int m, const spsi_sample *sample,
                                    const spsi_sent *sent) {
@@ -20115,7 +20118,7 @@ static int spsi_visibility_bytes(const spsi_frame *frame, const spsi_light *ligh
     return light->point_count * (frame->meshes.translucent ? 3 * (int)sizeof(float) : 1);
 }
 
-/* Returns 0 if a light's point cannot reach a surface, regardless of occluders. */
+/* Returns 0 if a point of a light cannot reach a surface, regardless of occluders. */
 static int spsi_visibility_needs(const spsi_frame *frame, const spsi_light *point, const spsi_surface *surface) {
     double toward[3], irradiance[3];
     spsi_toward_light(point, surface->point, toward);
@@ -20163,7 +20166,7 @@ static void spsi_visibility_trace(const spsi_visibility_job *job, int worker, co
         job->rays[worker] += (uint64_t)spsi_visibility_point(job, i, block);
 }
 
-/* A row of blocks, aligned to the image, not the region: at round-off, results depend on a packet's other rays. */
+/* A row of blocks, aligned to the image, not the region: a packet's other rays affect round-off. */
 static void spsi_visibility_row_task(void *data, int index, int worker) {
     const spsi_visibility_job *job = (const spsi_visibility_job *)data;
     const int *region = job->frame->view.region, side = SPSI_VISIBILITY_BLOCK;
@@ -20195,7 +20198,7 @@ static void spsi_visibility_layers_task(void *data, int index, int worker) {
 }
 
 /* An exact ray to each point of the light; all pixels use the same points. Penumbrae show steps, not noise, which no
-   filter can tell from the image. */
+   filter can tell from detail. */
 SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                const spsi_visible *visible, const spsi_shadow *shadow, uint64_t *rays) {
     const int *region = frame->view.region;
@@ -20274,7 +20277,7 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     return sqrt(16 * grid->edge * grid->edge + distance * distance);
 }
 
-/* Irradiance from cells and first flights at a point of a hit's plane. */
+/* Irradiance from cells and first flights at a point in a hit's plane. */
 static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, double x, double y, spsi_received *to) {
     const spsi_content *content = job->frame->content;
     double irradiance[3] = {0, 0, 0};
@@ -20314,8 +20317,8 @@ typedef struct spsi_receive_tile {
     spsi_received knots[SPSI_RECEIVED_KNOTS * SPSI_RECEIVED_KNOTS];
 } spsi_receive_tile;
 
-/* Computes the light at a block's nine knots. Returns 1 if it is nearly linear along six lines of three, and comes from
-   farther than the block's width. */
+/* Computes the light at a block's nine knots. Returns 1 if it is nearly linear along six lines of three knots, and
+   comes from farther than the block's width. */
 static int spsi_receive_even(spsi_receive_tile *tile, const spsi_hit *hit, int x0, int y0, int side,
                              const spsi_received *knots[9]) {
     static const int lines[6][3] = {{0, 4, 8}, {2, 4, 6}, {0, 1, 2}, {0, 3, 6}, {2, 5, 8}, {6, 7, 8}};
@@ -20392,7 +20395,7 @@ static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, int side
     }
 }
 
-/* Tiles are aligned to the image: knots do not depend on the region. */
+/* Tiles are aligned to the image, so knots do not depend on the region. */
 static void spsi_receive_task(void *data, int index, int worker) {
     const spsi_receive_job *job = (const spsi_receive_job *)data;
     const int *region = job->frame->view.region, side = SPSI_RECEIVED_TILE;
@@ -20517,7 +20520,7 @@ static double spsi_surfaces_unit(const spsi_light *light, const spsi_surfaces *l
     return ldexp(1, power);
 }
 
-/* Vectors from a point, over `unit`. */
+/* Vectors from a point, divided by `unit`. */
 static void spsi_surfaces_paths(const spsi_surfaces *list, const double from[3], double unit, spsi_v ways[3]) {
     const double per_unit = 1 / unit;
     for (int i = 0; i < 3; ++i) {
@@ -20661,7 +20664,7 @@ static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) 
 typedef struct spsi_pending {
     const spsi_layer *list;
     uint32_t first[SPSI_LANES], count[SPSI_LANES]; /* range of each pixel in `list` */
-    uint32_t front[SPSI_LANES];                    /* layers in front */
+    uint32_t front[SPSI_LANES];                    /* number of layers in front */
     float depth[SPSI_LANES];                       /* next layer's t - depth_reference; infinity: none */
     float filter[3][SPSI_LANES];                   /* transmittance of the layers in front */
     spsi_v slab;                                   /* next layer's slab coordinate; infinity: none */
@@ -20724,7 +20727,7 @@ static void spsi_pending_begin(const spsi_shader *shader, const spsi_pixels *p, 
     }
 }
 
-/* Mean transmittance of layers in front over colors. */
+/* Transmittance of layers in front, averaged over colors. */
 static spsi_v spsi_pending_mean(const spsi_pending *ahead) {
     const spsi_v sum = spsi_add(spsi_load(ahead->filter[0]), spsi_load(ahead->filter[1]));
     return spsi_mul(spsi_add(sum, spsi_load(ahead->filter[2])), spsi_set(1.0f / 3));
@@ -20810,7 +20813,7 @@ static void spsi_add_surfaces(const spsi_shader *shader, float low, float high, 
 /* --- a tile --- */
 
 typedef struct spsi_scratch {
-    spsi_sample *samples;   /* one per material and part, and per material for cuts */
+    spsi_sample *samples;   /* one per material and part, plus one per material for cuts */
     spsi_arrival *arrivals;
 } spsi_scratch;
 
@@ -21204,8 +21207,8 @@ SPSI_COLD void spsi_groups_add(spsi_groups *groups, const spsi_bounds *box) {
     groups->list[groups->count++] = *box;
 }
 
-/* Groups bricks and particles. Light between groups is ignored: of the light that leaves a square, 0.069 reaches an
-   equal one, parallel, at SPSI_GROUPS_APART sides, and 0.046 at 2.5. */
+/* Groups bricks and particles. Light between groups is ignored: of the light leaving a square, 0.069 reaches an equal,
+   parallel one SPSI_GROUPS_APART sides away, 0.046 at 2.5. */
 SPSI_COLD void spsi_groups_build(const sps_context *context, const spsi_frame *frame, spsi_groups *groups) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     groups->count = 0;
@@ -21408,7 +21411,7 @@ SPSI_COLD sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_call_stage *
     return SPS_OK;
 }
 
-/* Optical depth per cell edge of forward-peak scattering, counted as transmitted (delta-M). */
+/* Optical depth of forward-peak scattering per cell edge, counted as transmitted (delta-M). */
 static float spsi_cell_straight(const spsi_cell_job *job, int channel, size_t at) {
     const spsi_cell_grid *grid = job->grid;
     float straight = 0;
@@ -21430,8 +21433,8 @@ SPSI_COLD void spsi_cells_mean_scale(const spsi_cell_job *job) {
 }
 
 /* =================================================================================================== >>lighting
-   33 Light on cells. Each light adds E exp(-k t) Y(d) / 4 pi per sample and moment. E is irradiance, t the optical
-   depth to the light, k the cell's extinction scale, d the direction. Polygons at closed links reflect E color / pi.
+   33 Light on cells. Each light adds E exp(-k t) Y(d)/(4 pi) per sample and moment. E is irradiance, t the optical
+   depth to the light, k the cell's extinction scale, d the direction. Polygons at closed links reflect E color/pi.
    Narrow beams and small lit patches of polygons become emitters, >>flights. Cost: as for filling, plus eight lookups
    per cell and light, 26 rays per cell near polygons, 50 at the grid's border. */
 
@@ -21445,8 +21448,9 @@ static void spsi_cone_ray(const spsi_light *light, double versine, double turn, 
                             sine * (cos(turn) * light->across[0][k] + sin(turn) * light->across[1][k]);
 }
 
-/* Fraction of a light sent as narrow beams, to the medium or to polygons. 1 up to 1/8 of the grid's width, 0 from 1/4
-   on, at its far end or the polygon on the axis. 0 with translucent polygons, which beams would have to cross. */
+/* Fraction of a light sent as narrow beams, to the medium or to polygons. 1 for beams up to 1/8 of the grid's width, 0
+   from 1/4 on, at its far end or the polygon on the axis. 0 with translucent polygons, which beams would have to
+   cross. */
 SPSI_COLD double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *light, int to_polygons) {
     const spsi_cell_grid *grid = job->grid;
     const double versine = light->cone.none, longest = grid->edge * job->frame->view.scattering_resolution;
@@ -21506,7 +21510,7 @@ SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_light
     return job->context->result;
 }
 
-/* Depth maps, translucency maps and a light's own table suit all grids. */
+/* Depth maps, translucency maps and a light's own table are valid for all grids. */
 SPSI_COLD sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_call_stage *part, spsi_shadow_table *tables) {
     const spsi_frame *frame = job->frame;
     const int shadows = frame->lights.shadow_count;
@@ -21568,7 +21572,7 @@ static spsi_v spsi_cell_spot_straight(const spsi_cell_spot *spot, spsi_v found, 
     return spsi_mean_transmittance(from, spsi_fma(spot->scale[channel], spot->depth, from));
 }
 
-/* Transmittance per channel. Depths beyond the table's end are unknown and count as opaque. */
+/* Transmittance per channel. Optical depths at the table's limit may be larger, and count as opaque. */
 static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *shadow, const spsi_cell_spot *spot,
                                   spsi_v passes[3]) {
     const spsi_v found = spsi_pixels_shadow(shadow, &spot->pixels, 0, spot->part.middle);
@@ -21592,8 +21596,8 @@ static void spsi_cells_add_moments(const spsi_cell_job *job, const spsi_cell_spo
                            spsi_mul(amount, harmonic[t]));
 }
 
-/* Mean of 1 / r^2 over the samples' cubes, divided by its mean along rays. Without this, cells around a light receive 5
-   % too little. */
+/* Mean of 1/r^2 over the samples' cubes, divided by its mean along rays. Without this, cells around a light receive 5 %
+   too little. */
 static spsi_v spsi_cell_spot_near(const spsi_cell_job *job, const spsi_light *light, const spsi_cell_spot *spot) {
     const float edge = (float)job->sheets.slabs.thickness;
     const spsi_v scale = spsi_set(1 / (edge * edge));
@@ -21669,7 +21673,7 @@ static int spsi_cell_view_ray(const spsi_cell_view *view, const int step[3], sps
 }
 
 /* True if light entering the grid along a direction comes from a polygon. Rays are jittered within the direction's
-   solid angle, since a floor covers half of a horizontal one. */
+   solid angle: a floor covers half of a horizontal one. */
 static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_direction *direction, int number,
                                   spsi_ray *ray, spsi_hit *hit) {
     const double count = number + 1 + 50.0 * view->at[0] + 50.0 * 509 * view->at[1] + 50.0 * 509 * 521 * view->at[2];
@@ -21856,7 +21860,7 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c, int lit) {
         if (!wall->closed && !wall->outside) continue;
         sent = color * ambient + (double)wall->lit[c] - ambient;
         if (lit && spsi_cell_wall_mean(grid, wall, point, normal)) {
-            const spsi_cell_receiver to = {point, normal, NULL, 1}; /* patches are accurate enough for cells */
+            const spsi_cell_receiver to = {point, normal, NULL, 1}; /* undivided, unoccluded patches suffice */
             double irradiance[3] = {0, 0, 0};
             spsi_cells_irradiance(grid, c, 1, &to, irradiance);
             sent += color / SPSI_PI * irradiance[0];
@@ -21921,7 +21925,7 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_light *li
             like.sent[c] *= (float)(scattered * (x > 1e-6 ? -expm1(-x) / x : 1));
         }
         depth += own;
-        for (int k = 0; k < 3; ++k) /* 4 max(0, cos) has a mean cosine of 2 / 3 */
+        for (int k = 0; k < 3; ++k) /* 4 max(0, cos) has mean cosine 2/3 */
             like.axis[k] = all > 0 ? (float)(spsi_dmin(1.5 * spsi_dmax(ahead / all, 0), 1) * ray->direction[k]) : 0;
         like.radius = (float)(0.37 * length);
         spsi_emitters_add(&job->flights[SPSI_FLIGHTS_BEAMS], point, 0.25 / SPSI_PI, -1, &like, items);
@@ -21985,7 +21989,8 @@ SPSI_COLD void spsi_beams_list(const spsi_cell_job *job, const spsi_light *light
 }
 
 /* Turns lit patches into emitters while there is room, and removes them from the sweep. Parallel rays along each axis
-   sample polygons at closed links. Weighted by the normal's component, the three axes sum to the polygons' area. */
+   sample polygons at closed links. Weighted by normal components, areas projected along the three axes sum to the
+   polygons'. */
 SPSI_COLD void spsi_patches_list(const spsi_cell_job *job, double covered, size_t most, spsi_tree_item *items) {
     const spsi_cell_grid *grid = job->grid;
     const int *size = grid->size, rays = (int)spsi_dmax(4, spsi_dmin(4 / covered, 64));
@@ -22020,7 +22025,7 @@ SPSI_COLD void spsi_patches_list(const spsi_cell_job *job, double covered, size_
     }
 }
 
-/* Sets the fraction of each cell's lit polygons that flies, since sweeping small patches causes ray effects. A patch
+/* Sets the fraction of each cell's lit polygons sent as flights: sweeping small patches causes ray effects. A patch
    consists of lit cells joined by open links, and a rim of dark cells. Cells below 1/100 of a neighbour's light count
    as dark; otherwise, faint light would join patches. Let M be the patch's light spread over the grid's largest side.
    Cells up to 3 M are swept; from 6 M on, they fly. As patches cover 1/6 to 1/3 of the side, the fraction fades to 0.
@@ -22028,7 +22033,7 @@ SPSI_COLD void spsi_patches_list(const spsi_cell_job *job, double covered, size_
 static double spsi_patches_find(const spsi_cell_job *job) {
     const int *size = job->grid->size, pitch = job->grid->pitch;
     const double side = (double)size[0] * size[1] * size[2] / spsi_imin(size[0], spsi_imin(size[1], size[2]));
-    spsi_cell_wall *walls = job->walls; /* queued: a cell, or -1 - a dark rim cell */
+    spsi_cell_wall *walls = job->walls; /* queued: a cell, or -1 - (a dark rim cell) */
     double covered = 0;
     size_t count = 0, end = 0;
     const size_t cells = (size_t)(pitch * size[1] * size[2]);
@@ -22062,7 +22067,7 @@ static double spsi_patches_find(const spsi_cell_job *job) {
     return covered > 1e-6 && covered < 1.0 / 3 ? covered : 0;
 }
 
-/* Maximum cell-edge steps along a ray. */
+/* Maximum number of cell-edge steps along a ray. */
 static size_t spsi_beam_steps(const spsi_cell_grid *grid) {
     return (size_t)(grid->size[0] + grid->size[1] + grid->size[2]) + 2;
 }
@@ -22183,7 +22188,7 @@ SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage 
    polygons do not light polygons. Patches of the grid's sides store the light leaving it. Cost: as for >>cells, plus 64
    rays per patch. */
 
-/* Minimum optical depth of emitting cells, whose source is emission / depth. */
+/* Minimum optical depth of emitting cells, whose source is emission/depth. */
 #define SPSI_CELL_EMITTING 1e-4f
 
 static void spsi_cells_equations_task(void *data, int row) {
@@ -22312,9 +22317,9 @@ static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int
     return *number ? &flights->emitters[*number - 1] : NULL;
 }
 
-/* Moves light of exceptionally bright cells into emitters, since sweeping it causes ray effects. After self-absorption,
-   cells keep all light up to 4 times the grid's mean, none from 8 times on. The mean is over all cells if at most 1/8
-   emit, over emitting ones only from 1/4 on: many form wide beams. Returns 1 if there are emitters. */
+/* Moves exceptionally bright cells' light into emitters: sweeping it causes ray effects. After self-absorption, cells
+   keep all light up to 4 times the grid's mean, none from 8 times on. The mean is over all cells if at most 1/8 emit,
+   over emitting ones only from 1/4 on: many cells form wide beams. Returns 1 if any fly. */
 static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
@@ -22480,7 +22485,7 @@ static void spsi_cells_place_patches(const spsi_cell_job *job) {
 
 /* Light leaving a patch: pi times the radiance along rays from its centre. Dividing by a uniform medium's opacity
    removes the grid's shape. The smooth ratio is stored as harmonics, scaled to the rays' flux. Values whose sign
-   opposes the flux count as 0, as on surfaces. */
+   opposes the flux count as 0, as in spsi_cell_patches_send. */
 static void spsi_cell_patches_task(void *data, int patch) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
@@ -22735,8 +22740,8 @@ static uint64_t spsi_cells_fingerprint(const sps_context *context, const spsi_fr
     return hash;
 }
 
-/* True if light made for `key` is cached. Clears cells_cached until light is remade: failing calls may leave partial
-   data. */
+/* True if light computed for `key` is cached. Clears cells_cached until it is recomputed: failing calls may leave
+   partial data. */
 SPSI_COLD int spsi_scattered_take(sps_context *context, uint64_t key) {
     const int held = key != 0 && key == context->cells_cached;
     context->cells_cached = 0;
@@ -22812,9 +22817,10 @@ SPSI_COLD sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Chooses lights that contribute most to the medium. Weights fade below twice the strongest contribution left out, to 0
-   where lights would swap. Two directions represent a point light along a path. Its weight thus rises from 0 at 1/4 of
-   the longest side away to 1 at 1/2. Projectors, narrow cones and lights without shadows have none. */
+/* Chooses the lights that contribute most to the medium. Weights fade below twice the strongest contribution left out,
+   to 0 where lights would swap. Two directions represent a point light along a path. Its weight thus rises from 0 to 1
+   between distances of 1/4 and 1/2 of the longest side. Projectors, narrow cones and lights without shadows have
+   none. */
 static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *grids, int count) {
     const int most = count > 0 ? grids->light_count : 0;
     spsi_cell_light list[SPSI_CELL_SETS + 1], entry;
@@ -22880,7 +22886,7 @@ SPSI_COLD void spsi_cells_share_scale(spsi_cell_grid *grids, int count) {
     }
 }
 
-/* All grids are filled first: emission from one crosses the others' medium. */
+/* All grids are filled first: emission from one crosses the others' media. */
 SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                      const spsi_groups *groups, const spsi_call_stage *part, spsi_cell_grid *grids,
                                      spsi_flights *flights) {

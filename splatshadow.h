@@ -16776,7 +16776,7 @@ typedef struct spsi_cell_direction {
     int step[3];  /* -1, 0 or 1 */
     int axis;     /* dominant axis; -1: straight */
     int length;   /* index of the step length */
-    int beside_count, beside[4][3], link[4]; /* interpolated cells: steps and links */
+    int beside_count, beside[4][3], link[4]; /* upwind cells: steps and links */
     int follows;        /* 1: beside[0] is in the same row */
     uint32_t links;     /* mask of links to other rows */
     float share[4];     /* weights of these cells */
@@ -16835,12 +16835,12 @@ typedef struct spsi_cell_solver {
     spsi_cell_rays rays;
     int walled;          /* 1: some links are closed */
     int set_count;
-    float *single; /* per light-medium pair and cell: single scattering divided by the phase function */
+    float *single; /* per light, material and cell: single scattering divided by the phase function */
 } spsi_cell_solver;
 
 static int spsi_cell_link(int x, int y, int z) { return x + 1 + 3 * (y + 1) + 9 * (z + 1); }
 
-#define SPSI_CELL_ROW_CLOSED ((uint32_t)1 << 13) /* self-link of a row's first cell: the row has closed links */
+#define SPSI_CELL_ROW_CLOSED ((uint32_t)1 << 13) /* self-link of a row's first cell: row has closed links */
 
 /* Real spherical harmonics of mean square 1; degree l has terms l^2 to (l+1)^2-1. `terms` is 1, 4 or all. */
 static inline void spsi_harmonics_v(const spsi_v v[3], int terms, spsi_v out[SPSI_CELL_TERMS]) {
@@ -17303,7 +17303,7 @@ static void spsi_cells_check(spsi_cell_level *level) {
 }
 
 /* A W-cycle: two cycles of the next coarser level. Coarse levels first sweep to find their residual. Recursion depth:
-   the number of levels. */
+   number of levels. */
 SPSI_COLD void spsi_cells_w_cycle(spsi_cell_solver *solver, int n) {
     spsi_cell_level *level = &solver->levels[n], *coarse = level + 1;
     const int last = n == solver->level_count - 1;
@@ -18177,8 +18177,8 @@ static void spsi_particles_fly(const spsi_frame *frame) {
     }
 }
 
-/* Fraction of a volume's emission that first flights always carry. It rises to 1 at an optical depth of 0.5, and falls
-   to 0 between widths of 6 and 12 cells. */
+/* Fraction of a volume's emission that first flights always carry. It rises to 1 at optical depth 0.5, and falls to 0
+   between widths of 6 and 12 cells. */
 static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, double edge) {
     const spsi_brick *b = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     float top[SPSI_VOLUMES_MAX] = {0};
@@ -18309,8 +18309,8 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
     if (sum->cut > 0) sum->cut = sum->radius;
 }
 
-/* Adds a volume's emission that first flights always carry, as one sphere. Self-absorption is an ellipsoid's mean over
-   directions: at axes 1:3:1, 10 % too little leaves across the long axis, 40 % too much along it. */
+/* Adds, as one sphere, the emission of a volume that first flights always carry. Self-absorption is an ellipsoid's mean
+   over directions: at axes 1:3:1, 10 % too little leaves across the long axis, 40 % too much along it. */
 static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_emitter_sum *sum,
                                      spsi_flights *flights, spsi_tree_item *items) {
     const int m = frame->media[lattice->medium].channel;
@@ -18454,8 +18454,8 @@ typedef struct spsi_segments {
 } spsi_segments;
 
 /* Steps are a cell's edge near both ends. In between, each crosses one coarser cell along the dominant axis, so thin
-   layers keep their depth. Coarse cells spread an emitter's medium to 1.3 times `clear`. Nearer, its extinction is at
-   most that at this distance, beyond the emitter. */
+   layers keep their depth. Coarse cells spread an emitter's medium to 1.3 times `clear`. Nearer, the medium's
+   extinction is at most its value at that distance, beyond the emitter. */
 static spsi_v spsi_segments_depth(const spsi_cell_grid *grid, const spsi_segments *ways) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0), own_end = spsi_mul(ways->clear, spsi_set(1.3f));
     const spsi_v rounded = spsi_set(1.001f);
@@ -18861,7 +18861,7 @@ static void spsi_flight_cells_build(const spsi_flight_job *job, const int first[
 }
 
 /* Rays end at a node's centre, or in front of convex polygons. A cap of mean normal a and radius r has its centroid
-   0.55 r sqrt(1-|a|) below its top. At a cube's edge, it is twice as far below. */
+   0.55 r sqrt(1-|a|) below its top. At a cube's edge: twice as far. */
 static void spsi_flight_cells_unblocked(const spsi_flight_job *job, const spsi_flight_cells *cells,
                                         const spsi_emitter *node, spsi_v passes[3]) {
     const spsi_flight_place place = {job->frame, job->faces, NULL, NULL, NULL, -1};
@@ -19358,7 +19358,7 @@ static void spsi_samples_gas(const spsi_material *material, spsi_v value_length,
     }
 }
 
-/* Samples of a classified volume: values follow a parabola. Transparent parts need no colors. */
+/* Samples a classified volume: values follow a parabola. Transparent parts need no colors. */
 static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
                                     spsi_slab *slab) {
     const spsi_material *material = &shader->frame->matter.materials[channel];
@@ -19900,7 +19900,7 @@ static void spsi_subslab_filter(const spsi_shader *shader, const spsi_shadow *sh
         filter[c] = spsi_mul(sum[c], spsi_set(1.0f / (float)(shadow->translucency_map_count * steps)));
 }
 
-/* Fraction of transmitted light that opaque polygons block, averaged over the light's points. */
+/* Fraction of transmitted light blocked by opaque polygons, averaged over the light's points. */
 static spsi_v spsi_subslab_hidden(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
                                   const spsi_pixels *p, const spsi_subslab *part) {
     const int count = shader->frame->matter.classifies ? 1 : SPSI_SUBSLABS;
@@ -19948,7 +19948,7 @@ static spsi_v spsi_group_passes(const spsi_slab *slab, const spsi_arrival *arriv
     return spsi_clamp(spsi_fma(spsi_sub(sum, pairs), spsi_set(1.0f / 3), sum), zero, spsi_set(1));
 }
 
-/* Within a slab, optical depths towards light and eye grow in proportion: they come from the same matter. */
+/* Within a slab, optical depths towards light and eye grow in proportion: the same matter causes both. */
 static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_slab *slab,
                               const spsi_arrival *arrival, const spsi_pixels *p, const spsi_subslab *part,
                               const spsi_sent *sent) {
@@ -20627,7 +20627,7 @@ static void spsi_surfaces_add_light(const spsi_shader *shader, const spsi_light 
     }
 }
 
-/* Adds reflected scattered light: from cells (`shadow`: NULL), or a light's, spread in the medium. */
+/* Adds reflected scattered light: from cells (`shadow`: NULL), or from a light, spread in the medium. */
 static void spsi_surfaces_add_scattered(const spsi_shader *shader, const spsi_shadow *shadow, spsi_surfaces *list) {
     for (int n = 0; list->points.lanes >> n; ++n) {
         const spsi_shading_point *place = &list->place[n];
@@ -22319,7 +22319,7 @@ static spsi_emitter *spsi_cell_emitter(const spsi_cell_job *job, int column, int
 
 /* Moves exceptionally bright cells' light into emitters: sweeping it causes ray effects. After self-absorption, cells
    keep all light up to 4 times the grid's mean, none from 8 times on. The mean is over all cells if at most 1/8 emit,
-   over emitting ones only from 1/4 on: many cells form wide beams. Returns 1 if any fly. */
+   over emitting ones only from 1/4 on: many cells form wide beams. Returns 1 if emitters exist. */
 static int spsi_cells_set_apart(const spsi_cell_job *job, int channel) {
     const spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
@@ -22363,8 +22363,8 @@ static void spsi_cells_send_emission(const spsi_cell_job *job, int channel, floa
 }
 
 /* Removes first flights from light sent by cells. `light`, which cells receive, loses the emitters' light that flies to
-   cells. Polygons' light loses all emitters' light, and emission that flies only to polygons. Returns 0 if nothing is
-   removed. */
+   cells. Light for polygons loses all emitters' light, and emission that flies only to polygons. Returns 0 if nothing
+   is removed. */
 static int spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *light) {
     spsi_cell_level *level = &job->solver->levels[0];
     const float cells = job->flights->to_cells, all = job->flights->to_polygons;

@@ -22986,10 +22986,10 @@ SPSI_COLD sps_result spsi_cells_build(sps_context *context, const spsi_frame *fr
 }
 
 /* ================================================================================================= >>convolving
-   35 Filling and lighting the sheets of >>spreading, a chunk at a time. Sheets are as thick as texels are wide at the
-   mean depth. The light leaving each sheet is stored. Cost: filling as for cells, plus a lookup per texel and sheet. */
+   35 Fills and lights the sheets of >>spreading, a chunk at a time. Sheets are about as thick as texels are wide at the
+   mean depth. Stores the light leaving each sheet. Cost: filling as for cells, plus a lookup per texel and sheet. */
 
-/* One face of a light's map, >>spreading. */
+/* One face of a light's map (>>spreading). */
 typedef struct spsi_spread_job {
     sps_context *context;
     const spsi_frame *frame;
@@ -22997,7 +22997,7 @@ typedef struct spsi_spread_job {
     spsi_spread *spread;
     int face, fine; /* fine: samples per texel side */
     spsi_sampling sheets;
-    spsi_light light; /* point at its centre, without falloff */
+    spsi_light light; /* without area, falloff and cone */
     spsi_shadow shadow;
     spsi_rays rays; /* through the texels */
     spsi_shader shader;
@@ -23005,7 +23005,7 @@ typedef struct spsi_spread_job {
     spsi_spread_light flow[3];  /* per channel */
     int first, count;           /* sheets of the chunk */
     size_t plane;               /* floats per sheet */
-    /* see spsi_spread_sheet: per sheet and, except for depth and reach, per channel */
+    /* members of spsi_spread_sheet, per sheet and, except depth and reach, per channel */
     float *depth, *scattered, *turned, *back, *source, *open, *reach;
     float *lit;  /* per channel: transmittance of polygons up to the previous sheet */
     float *cone; /* transmittance of a spotlight's cone */
@@ -23049,8 +23049,7 @@ static void spsi_spread_polygons(const spsi_spread_job *job, const spsi_cell_spo
     }
 }
 
-/* Mean of a spotlight's cone over a square of texels. Squares on the rim are split until small, which conserves
-   light. */
+/* Mean of a spotlight's falloff over a square of side `size`. Squares on the rim are subdivided, to conserve light. */
 SPSI_COLD double spsi_spread_cone(const spsi_light *light, const spsi_rays *rays, double x, double y, double size) {
     const double outer = 2 * asin(spsi_dmin(sqrt(0.5 * light->cone.none), 1));
     const double inner = 2 * asin(spsi_dmin(sqrt(0.5 * spsi_dmax(light->cone.none - light->cone.rim, 0)), 1));
@@ -23097,9 +23096,9 @@ static void spsi_spread_light_task(void *data, int y) {
         }
 }
 
-/* Stores a channel's light at a plane. With scattering depth s and backscattering Q, two streams transmit exp(s) / (1 +
-   Q) relative to direct light. `goes` is the excess over 1, per unit of carried flux. A medium receives more than a
-   surface: oblique light over its cosine, and half of the backscattering so far. */
+/* Stores a channel's light at a plane. With scattering depth s and backscattering Q, the two-stream model transmits
+   exp(s) / (1 + Q) relative to direct light. `goes` is the excess over 1, per unit of carried flux. A medium receives
+   more than a surface: flux / cosine if oblique, times sqrt(1 + Q) for backscattering. */
 static void spsi_spread_keep(const spsi_spread_job *job, int c, int plane) {
     const spsi_spread *spread = job->spread;
     const spsi_spread_light *light = &job->flow[c];
@@ -23143,7 +23142,7 @@ static void spsi_spread_propagate_task(void *data, int c) {
     }
 }
 
-/* Samples per texel side. A chunk holds whole texels. */
+/* Samples per texel side, a power of 2: chunks hold whole sheets. */
 SPSI_COLD int spsi_spread_fineness(const spsi_frame *frame, const spsi_spread *spread) {
     const spsi_light_grid *range = &spread->map;
     const double texel = spsi_pixel_size_at(&spread->map.rays[0], 0.5 * (range->near_depth + range->far_depth));
@@ -23152,7 +23151,7 @@ SPSI_COLD int spsi_spread_fineness(const spsi_frame *frame, const spsi_spread *s
     return fine;
 }
 
-/* Returns 0 if texels cannot be told apart. */
+/* Returns 0 if texels coincide after rounding. */
 SPSI_COLD int spsi_spread_aim_fine(const spsi_spread *spread, int face, int fine, spsi_rays *rays, spsi_slabs *slabs) {
     const spsi_rays *texels = &spread->map.rays[face];
     const double per_length = spsi_length(texels->inverse[2]);
@@ -23224,7 +23223,7 @@ SPSI_COLD sps_result spsi_spread_aim(sps_context *context, const spsi_frame *fra
     spread->light = light;
     spread->channels = frame->channels;
     if (spsi_light_grid_aim(context, frame, &coarse, &spread->map)) return context->result;
-    if (spread->map.face_count > 1) { /* each face gets half the resolution */
+    if (spread->map.face_count > 1) { /* halve each face's resolution */
         coarse.map_size = spsi_imax(16, coarse.map_size / 2);
         if (spsi_light_grid_aim(context, frame, &coarse, &spread->map)) return context->result;
     }
@@ -23293,7 +23292,7 @@ SPSI_COLD sps_result spsi_spreads_make(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* Reuses the last call's spreading if possible. */
+/* Reuses the last call's spread light if possible. */
 SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                         const spsi_call_stage *part, spsi_spreads *spreads) {
     const size_t count = (size_t)frame->lights.shadow_count;
@@ -23416,12 +23415,12 @@ SPSI_COLD size_t spsi_spreads_bytes(const spsi_frame *frame) {
 
 /* ================================================================================================ >>sweep
    36 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which read them. Empty chunks
-   are almost free. Patches whose rays have all ended are not shaded. */
+   are almost free. Finished patches are not shaded. */
 
 typedef struct spsi_region {
     int x0, y0, columns, rows; /* tiles */
-    uint64_t *open;            /* per tile: bits of patches with unfinished rays */
-    int outside;               /* tiles outside of the sweep's part */
+    uint64_t *open;            /* per tile: mask of patches with unfinished rays */
+    int outside;               /* number of tiles outside the sweep's part */
     float (*polygon_range)[3]; /* per tile: polygons' slab range and minimum depth */
 } spsi_region;
 
@@ -23440,8 +23439,8 @@ typedef struct spsi_run {
     spsi_arrival *arrivals; /* per shadow and worker */
     uint64_t *shaded;       /* per worker: pixels times slabs */
     int slab_count;         /* 0: polygons only */
-    float low, high;        /* slab coordinates of the chunk's polygons */
-    float *total;           /* sum of all sweeps */
+    float low, high;        /* range of slab coordinates being composited */
+    float *total;           /* the image, summed over sweeps */
     spsi_region region;
 } spsi_run;
 
@@ -23450,7 +23449,6 @@ static const float *spsi_tile_depth(const spsi_run *run, int x0, int y0) {
     return shader->depth + (size_t)(y0 - shader->y_origin) * (size_t)shader->pitch + (size_t)(x0 - shader->x_origin);
 }
 
-/* Bits of patches with unfinished rays. */
 static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
     const spsi_shader *shader = &run->shader;
     return spsi_patches_unfinished(spsi_tile_depth(run, x0, y0), (size_t)shader->pitch,
@@ -23513,7 +23511,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!run->shader.sweep->back_to_front) region->open[index] = spsi_tile_open(run, x0, y0);
 }
 
-/* Sets polygon_range and the tile's open patches. */
+/* Sets a tile's polygon_range and open patches. */
 static void spsi_polygon_range_task(void *data, int index) {
     spsi_run *run = (spsi_run *)data;
     spsi_region *region = &run->region;
@@ -23558,7 +23556,7 @@ SPSI_COLD sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
     return spsi_sliced_begin(context, shader->frame, shader->sweep, shader->faces, &run->contents, &run->sliced);
 }
 
-/* Lays out planes of a back-to-front sweep. `whole`, measured by the previous pass, is kept. */
+/* Lays out planes of a back-to-front sweep. Keeps `whole`, which the previous pass measured. */
 SPSI_COLD void spsi_run_again(const spsi_frame *frame, size_t pixels, float *memory, spsi_multiple *again) {
     const size_t channels = (size_t)frame->channels;
     again->whole = memory;
@@ -23594,7 +23592,7 @@ SPSI_COLD sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     for (int c = 0; c < 3; ++c) shader->radiance[c] = memory + pixels * (size_t)(1 + (c < frame->channels ? c : 0));
     shader->distance = frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
     for (int y = 0; y < region->rows * SPSI_TILE_HEIGHT && spsi_subslab_count(frame) > 1; ++y)
-        for (int x = 0; x < shader->pitch; ++x) /* other sweeps render pixels outside */
+        for (int x = 0; x < shader->pitch; ++x) /* pixels left to other sweeps */
             if (shader->x_origin + x < part[0] || shader->x_origin + x >= part[2] || shader->y_origin + y < part[1] ||
                 shader->y_origin + y >= part[3])
                 shader->depth[(size_t)y * (size_t)shader->pitch + (size_t)x] = SPSI_DEPTH_MAX;
@@ -23612,7 +23610,6 @@ SPSI_COLD sps_result spsi_run_scratch(sps_context *context, spsi_run *run) {
     return run->samples && run->arrivals ? SPS_OK : context->result;
 }
 
-/* Counters follow the run in memory. */
 static spsi_run *spsi_run_reserve(sps_context *context) {
     const size_t counters = (size_t)spsi_worker_count(context) * sizeof(uint64_t);
     return (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, sizeof(spsi_run) + counters);
@@ -23723,11 +23720,11 @@ SPSI_COLD sps_result spsi_run_sweep(spsi_run *run, const spsi_call_stage *part) 
 }
 
 /* =============================================================================================== >>budget
-   37 Choosing settings within a budget, from three ladders of presets: medium, points of area lights, and cells. Time
-   sums each stage's work times the rate last measured with that preset or the nearest, else a start value. Finer
+   37 Chooses settings within a budget from three ladders of presets: medium, area light points, and cells. Predicted
+   time sums each stage's work times the rate last measured with that preset or the nearest, else a start value. Finer
    settings never count as faster, except for cached parts and splatted coarse slabs. Errors, twice the worst in a list
-   of scenes, add in quadrature; tests/budget.c prints both tables (make budget-fit). Cost: aiming lights and placing
-   slabs per preset of medium and points. */
+   of scenes, add in quadrature. `make budget-fit` (tests/measure/budget.c) prints rates and errors. Cost: aiming lights
+   and placing slabs per preset of medium and points. */
 
 /* --- presets --- */
 
@@ -23761,7 +23758,7 @@ SPSI_COLD int spsi_lights_are_open(const spsi_frame *frame) {
     return 0;
 }
 
-/* Lets lights choose again between sheets and tables. */
+/* Lets lights choose anew between sheets and tables. */
 SPSI_COLD sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, const spsi_setting *setting) {
     const spsi_preset preset = spsi_preset_of(frame, setting->gas);
     spsi_lights *lights = &frame->lights;
@@ -23808,8 +23805,8 @@ SPSI_COLD double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *swe
     return count <= SPSI_SLABS_MAX ? count : HUGE_VAL;
 }
 
-#define SPSI_POINT_TEXEL_UNITS 0.25 /* per penumbra point and texel of a slab */
-#define SPSI_POINT_PIXEL_UNITS 7    /* per point and pixel of polygons */
+#define SPSI_POINT_TEXEL_UNITS 0.25 /* per light point and slab texel */
+#define SPSI_POINT_PIXEL_UNITS 7    /* per light point and pixel, with polygons */
 
 SPSI_COLD void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3], covered = spsi_covered_pixels(frame);
@@ -23841,7 +23838,7 @@ SPSI_COLD size_t spsi_table_cached_bytes(sps_context *context, const spsi_frame 
     return 0;
 }
 
-/* Excludes maps for cells, which count as cells. */
+/* With cells, maps count towards the cells' stage. */
 SPSI_COLD void spsi_work_add_maps(sps_context *context, const spsi_frame *frame, uint64_t gas, spsi_work *work) {
     for (int i = 0; i < frame->lights.count; ++i) {
         const spsi_light *light = &frame->lights.list[i];
@@ -23856,7 +23853,7 @@ SPSI_COLD void spsi_work_add_maps(sps_context *context, const spsi_frame *frame,
     }
 }
 
-/* Work of cells, doubled by polygons; 0 without multiple scattering. */
+/* Work of cells, doubled with polygons; 0 without multiple scattering. */
 SPSI_COLD double spsi_work_cells(const spsi_frame *frame) {
     spsi_cell_grid grid;
     if (!spsi_uses_cells(frame) && !spsi_convolves(frame)) return 0;
@@ -23864,10 +23861,10 @@ SPSI_COLD double spsi_work_cells(const spsi_frame *frame) {
     return (double)frame->channels * grid.size[0] * grid.size[1] * grid.size[2] * (frame->meshes.count > 0 ? 2 : 1);
 }
 
-/* Overhead per stage in units of work: tenths of a millisecond, measured on one-pixel frames. */
+/* Fixed units per stage: tenths of a millisecond, measured on one-pixel frames. */
 static const double spsi_fixed_units[SPSI_STAGE_COUNT] = {1e4, 1e4, 5e3, 3e4, 100, 100, 3e4, 1e4};
 
-#define SPSI_DEPTH_TEXEL_UNITS 0.15 /* cost per texel, in pixels */
+#define SPSI_DEPTH_TEXEL_UNITS 0.15 /* per depth map texel, in pixels */
 
 SPSI_COLD void spsi_work_add_surfaces(const spsi_frame *frame, spsi_work *work) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
@@ -23886,7 +23883,7 @@ SPSI_COLD void spsi_work_add_surfaces(const spsi_frame *frame, spsi_work *work) 
     }
 }
 
-/* Excludes reading and cells. `voxels`: read or planned. */
+/* Work except reading and cells. `voxels`: read or planned. */
 SPSI_COLD void spsi_work_count(sps_context *context, spsi_frame *frame, double voxels, uint64_t gas, spsi_work *work) {
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     memset(work, 0, sizeof *work);
@@ -23901,7 +23898,7 @@ SPSI_COLD void spsi_work_count(sps_context *context, spsi_frame *frame, double v
         if (work->units[stage] > 0) work->units[stage] += spsi_fixed_units[stage];
 }
 
-/* Seconds per unit for one worker, by preset, until measured. */
+/* Seconds per unit with one worker, until measured. */
 static const double spsi_start_rates[SPSI_STAGE_COUNT][SPSI_PRESETS] = {
     {40e-9, 40e-9, 40e-9, 40e-9, 40e-9, 40e-9, 40e-9},     {22e-9, 22e-9, 22e-9, 26e-9, 40e-9, 40e-9, 33e-9},
     {21e-9, 19e-9, 21e-9, 39e-9, 58e-9, 59e-9, 71e-9},     {20e-9, 11e-9, 8.2e-9, 4.4e-9, 3.5e-9, 3.5e-9, 4.7e-9},
@@ -23912,7 +23909,7 @@ SPSI_COLD int spsi_stage_preset(spsi_stage stage, const spsi_setting *setting) {
     return stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_CACHED ? setting->cells : setting->gas;
 }
 
-/* Scales the nearest measured rate in proportion to start values. */
+/* Nearest measured rate, scaled by the ratio of start values. */
 SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const spsi_setting *setting) {
     const double *known = context->pace.rates[stage], *start = spsi_start_rates[stage];
     const int preset = spsi_stage_preset(stage, setting),
@@ -23921,7 +23918,7 @@ SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const s
         for (int sign = -1; sign <= 1; sign += 2) {
             const int at = preset + sign * away;
             if (at < 0 || at >= SPSI_PRESETS || !(known[at] > 0)) continue;
-            /* rates measured on thick splatted slabs do not transfer */
+            /* rates of thick splatted slabs do not carry over */
             if (away == 0 || cells || !context->pace.splats[at]) return known[at] * (start[preset] / start[at]);
         }
     return start[preset] / spsi_worker_count(context);
@@ -23929,12 +23926,12 @@ SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const s
 
 /* --- expected error --- */
 
-/* Twice the worst RMS error relative to the mean, had the medium filled the image. Scenes include a puff of 25 voxels.
-   The thickest slabs' errors are three times the worst: they vary most around a light. The finest presets' include
-   detail that voxels do not resolve. */
+/* Twice the worst RMS error relative to the mean, as if the medium filled the image. Scenes include a puff of 25
+   voxels. The thickest slabs get three times the worst, as their errors vary most around a light. The finest presets'
+   errors include detail that voxels do not resolve. */
 static const double spsi_gas_errors[2][SPSI_PRESETS] = {{0.4, 0.2, 0.055, 0.02, 0.006, 0.004, 0.0035},
                                                         {0.14, 0.14, 0.14, 0.07, 0.036, 0.029, 0.028}};
-/* Errors of spheres in shadowed light, per optical depth of a diameter. */
+/* Errors of spheres under lights with shadows, per optical depth across one. */
 static const double spsi_sphere_errors[SPSI_PRESETS] = {5, 3.1, 1.7, 0.83, 0.26, 0.26, 0.097};
 static const double spsi_point_errors[SPSI_POINT_PRESETS] = {0.31, 0.11, 0.038, 0.014};
 static const double spsi_cell_errors[SPSI_CELL_PRESETS] = {0.28, 0.13, 0.065, 0.043};
@@ -23948,7 +23945,7 @@ SPSI_COLD double spsi_light_error(const spsi_light *light, const spsi_setting *s
     return spsi_point_errors[at] * spsi_dmax(1, sqrt((double)spsi_point_presets[0] / light->samples));
 }
 
-/* Mean optical depth of scattering particles' diameters, weighted by the light each intercepts. 0 until read. */
+/* Mean optical depth across scattering particles, weighted by the light each intercepts; 0 until read. */
 SPSI_COLD double spsi_spheres_depth(const spsi_frame *frame) {
     double sum = 0, weights = 0;
     for (int i = 0, n = 0; i < frame->particles.set_count && frame->content->particle_count > 0; ++i) {
@@ -23973,7 +23970,7 @@ SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting
     const int again = spsi_uses_cells(frame) || spsi_convolves(frame);
     const double cells = again ? spsi_cell_errors[setting->cells] : 0;
     const double sphere = frame->lights.shadow_count > 0 ? spsi_sphere_errors[setting->gas] * spheres : 0;
-    double gas = 0, points = 0, most = 0; /* depth per voxel; at 0.5 to 3.2, errors are 1.1 to 3.2 times the table's */
+    double gas = 0, points = 0, most = 0; /* most: voxel depth; at 0.5..3.2, errors are 1.1..3.2 times the table's */
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
         if (!material->table)
@@ -23991,7 +23988,7 @@ SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting
 enum { SPSI_CANDIDATES = SPSI_PRESETS * SPSI_POINT_PRESETS * SPSI_CELL_PRESETS };
 
 typedef struct spsi_candidate {
-    int exists;   /* rendering would accept it */
+    int exists;   /* 1: rendering would accept it */
     int is_known; /* 1: all rates are measured */
     int is_held;  /* 1: cached data saves work */
     double seconds, error;
@@ -24035,12 +24032,12 @@ static void spsi_candidate_time(const sps_context *context, const spsi_work *wor
         const spsi_stage stage = (spsi_stage)n;
         if (!(work->units[n] > 0)) continue;
         candidate->seconds += work->units[n] * spsi_rate(context, stage, setting);
-        if (stage > SPSI_STAGE_PYRAMIDS) /* pyramids are alike for most presets */
+        if (stage > SPSI_STAGE_PYRAMIDS) /* reading and pyramids hardly depend on presets */
             candidate->is_known &= context->pace.rates[n][spsi_stage_preset(stage, setting)] > 0;
     }
 }
 
-/* Sets candidates' times and errors from `first` on, by cell preset. `work` excludes cells. */
+/* Sets candidates' times and errors, one per cell preset from `first` on. `work` excludes cells. */
 SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, double spent, double spheres,
                                     spsi_work *work, int first, spsi_candidate *candidates) {
     const spsi_setting *only = context->pace.only;
@@ -24059,7 +24056,7 @@ SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, dou
     }
 }
 
-/* Maximum bound one preset below if `sign` is 1, minimum one above if -1. */
+/* Maximum bound of the next coarser neighbours if `sign` is 1, minimum of the next finer if -1. */
 SPSI_COLD double spsi_candidate_bound(const double *bounds, int n, int sign) {
     static const int strides[3] = {SPSI_POINT_PRESETS * SPSI_CELL_PRESETS, SPSI_CELL_PRESETS, 1};
     static const int sizes[3] = {SPSI_PRESETS, SPSI_POINT_PRESETS, SPSI_CELL_PRESETS};
@@ -24073,8 +24070,8 @@ SPSI_COLD double spsi_candidate_bound(const double *bounds, int n, int sign) {
 }
 
 /* Makes time rise with quality, except for cached parts. Measured settings bound unmeasured neighbours; otherwise, the
-   finer bounds the coarser. Start values may contradict it: their scenes split time differently between stages.
-   Splatted thick slabs bound nothing: gathering thinner ones may be faster. */
+   finer bounds the coarser. Start values need not rise: their scenes split time differently between stages. Splatted
+   thick slabs are no lower bound: gathering thinner ones may be faster. */
 SPSI_COLD void spsi_candidates_order(const spsi_rates *pace, spsi_candidate *candidates) {
     double bounds[SPSI_CANDIDATES];
     for (int n = 0; n < SPSI_CANDIDATES; ++n) {
@@ -24108,7 +24105,7 @@ SPSI_COLD void spsi_budget_report(const spsi_frame *frame, const spsi_candidate 
         spsi_uses_cells(frame) || spsi_convolves(frame) ? frame->view.scattering_resolution : 0;
 }
 
-/* `spent`: seconds until everything is read. If nothing can be rendered, chooses the coarsest setting, which is refused
+/* `spent`: seconds until everything is read. If no setting can be rendered, chooses the coarsest, which is refused
    later. */
 SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, double spent, double voxels,
                                         sps_budget_report *report) {
@@ -24130,7 +24127,7 @@ SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame,
         spsi_cell_candidates(context, frame, spsi_dmax(spent, 0), spheres, &work, n, candidates); /* clocks may jump */
     }
     spsi_candidates_order(&context->pace, candidates);
-    for (int n = 1; n < SPSI_CANDIDATES; ++n) /* the coarsest of equals */
+    for (int n = 1; n < SPSI_CANDIDATES; ++n) /* the coarsest wins ties */
         if (candidates[n].exists &&
             (!candidates[best].exists || spsi_candidate_beats(&frame->view, &candidates[n], &candidates[best])))
             best = n;
@@ -24145,13 +24142,13 @@ SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame,
     return SPS_OK;
 }
 
-/* Reports a missed budget before rendering. */
+/* Chooses the setting. Over budget, fails (budget_error) or warns (budget_seconds). */
 SPSI_COLD sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
     const double spent = spsi_clock(context) - context->clock_start;
     sps_budget_report *report = &context->stats.budget;
     char text[SPSI_SENTENCE_SIZE / 2];
     if (spsi_budget_choose(context, frame, spent, (double)context->voxel_count, report)) return context->result;
-    if (report->is_met || !(report->seconds > 0)) return SPS_OK; /* or refused with its own reason */
+    if (report->is_met || !(report->seconds > 0)) return SPS_OK; /* or rendering fails with its own reason */
     if (frame->view.budget_error > 0) {
         SPS_SNPRINTF(text, sizeof text, "the least that is expected here is %g", report->error);
         return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "budget_error",
@@ -24209,7 +24206,7 @@ SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
 /* Floats per pixel: radiance, coverage, and distance if wanted. */
 static size_t spsi_total_floats(const spsi_frame *frame) { return (size_t)(4 + frame->wants_depth); }
 
-/* Fills `rgb` with a row of background radiance, followed by directions. */
+/* Fills `rgb` with a row of background radiance, then the rays' directions. */
 SPSI_COLD sps_result spsi_background_row(sps_context *context, const spsi_frame *frame, int y, float *rgb) {
     const sps_scene *scene = &frame->given;
     const int *region = frame->view.region;
@@ -24236,7 +24233,7 @@ SPSI_COLD sps_result spsi_background_row(sps_context *context, const spsi_frame 
 /* Denormals could slow down the caller. */
 static float spsi_flush(float a) { return a < FLT_MIN ? 0 : a; }
 
-/* Fills the image with the background. Returns NULL on failure. */
+/* Returns the total, filled with the background; NULL on failure. */
 SPSI_COLD float *spsi_begin_total(sps_context *context, const spsi_frame *frame) {
     const size_t width = (size_t)frame->view.region[2], floats = spsi_total_floats(frame);
     float *total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, width * (size_t)frame->view.region[3],
@@ -24364,7 +24361,7 @@ SPSI_COLD sps_result spsi_sweep_once(sps_context *context, const spsi_picture *p
     return SPS_OK;
 }
 
-/* Workers' counters, and results of shadow rays. */
+/* Reserves workers' counters and shadow rays' results. */
 static uint64_t *spsi_visibility_reserve(sps_context *context, size_t places, int bytes_per_place) {
     size_t bytes = (size_t)spsi_worker_count(context) * sizeof(uint64_t);
     spsi_bytes_add(&bytes, places, (size_t)bytes_per_place);
@@ -24490,15 +24487,15 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
 }
 
 /* ================================================================================================= >>plan
-   39 A scene's passes, and why each runs or not. Call counts are exact; bytes are upper bounds, from rendering's
-   reservations. Volumes are estimated from blocks in range, triangles from their count; particles are read. */
+   39 A scene's passes, and why each runs or not. Call counts are exact; bytes are upper bounds, counted by rendering's
+   own reservations. Volumes are estimated from non-empty blocks, triangles from their count; particles are read. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
     "gather",      "projectors", "eye polygons", "layers",     "textures",  "light polygons", "triangle tree",
     "shadow rays", "eye sheets", "light sheets", "light maps", "penumbrae", "gradient",       "scattering",
     "forward",     "spreading",  "cells",        "emission",   "ambient",   "surface light"};
 
-/* Blocks to be read; upper bounds of their contents. */
+/* Blocks to read, and upper bounds on their contents. */
 typedef struct spsi_reading {
     int held;  /* 1: voxels are cached by an earlier call */
     int known; /* 1: gas is known, since voxels are cached or there are none */
@@ -24548,8 +24545,8 @@ SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* Places pyramids needed to choose filling: cached ones, or estimates from bricks, adjacent or isolated, whichever take
-   less. */
+/* Places pyramids needed to choose a filling: cached, or estimated from the whole volume or isolated bricks, whichever
+   takes less. */
 SPSI_COLD sps_result spsi_plan_pyramids(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     if (!spsi_pyramids_wanted(frame)) return SPS_OK;
     if (reading->held) return spsi_pyramids_place(context, frame);
@@ -24573,7 +24570,7 @@ SPSI_COLD sps_result spsi_plan_pyramids(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Lists grow by half, with old and new in memory. */
+/* Lists grow by half; old and new coexist. */
 SPSI_COLD void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     const uint64_t whole = SPSI_BRICK * SPSI_BRICK * SPSI_BRICK;
     const uint64_t segments = reading->voxels_kept / (SPSI_SEGMENT - whole + 1) + 1;
@@ -24599,7 +24596,7 @@ static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *fra
     if (particles > 0) spsi_queue_reserve(context, SPSI_BUFFER_PARTICLE_QUEUE, particles, chunks, &contents.particles);
 }
 
-/* Counts penumbrae even if they may turn out sharp. Until voxels are read, beams count as twice as wide as sheets. */
+/* Counts penumbrae that may turn out sharp, too. Until voxels are read, beams count as twice as wide as sheets. */
 SPSI_COLD sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                               const spsi_reading *reading, sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0;
@@ -24632,7 +24629,7 @@ static const char *const spsi_filling_reasons[] = {"splatted: view.filling asks 
                                                    "gathered: view.filling asks for it",
                                                    "gathered: samples cost less than footprints would"};
 
-/* Explains how volumes fill a target. `again`: 1 for later sheets of the kind. */
+/* Explains how volumes fill a target. `again`: 1 after the first sweep. */
 SPSI_COLD void spsi_plan_filling(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
                                  spsi_target_kind kind, int again, int *gathered, const char **why) {
     const char *first = NULL;
@@ -24683,7 +24680,7 @@ static void spsi_plan_depth_maps(sps_context *context, const spsi_frame *frame, 
     context->counted = NULL;
 }
 
-/* Counts a sweep's bytes and passes. */
+/* Counts a sweep's bytes and explains its filling. */
 SPSI_COLD sps_result spsi_plan_sweep(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                      const spsi_reading *reading, spsi_run *run, sps_plan_report *report) {
     const size_t particles = (size_t)frame->content->particle_count;
@@ -24691,7 +24688,7 @@ SPSI_COLD sps_result spsi_plan_sweep(sps_context *context, const spsi_frame *fra
     const spsi_shape shape = spsi_shape_of(frame, 1); /* light targets have no more channels */
     spsi_rays rays = sweep->rays;
     spsi_lists lists;
-    if (!reading->known) rays.width = rays.height = spsi_imax(rays.width, rays.height); /* boxes may turn */
+    if (!reading->known) rays.width = rays.height = spsi_imax(rays.width, rays.height); /* the aspect may change */
     run->shader.frame = frame;
     run->shader.sweep = sweep;
     run->shader.shadow_count = spsi_imax(1, spsi_sweep_shadow_count(frame, !sweep->first));
@@ -24740,7 +24737,7 @@ SPSI_COLD void spsi_plan_gather_pass(const spsi_frame *frame, const spsi_reading
                                             : "range_fn shows that no voxel matters");
 }
 
-/* First of the library's reasons, or the caller's. */
+/* The library's first reason for maps, else the caller's. */
 SPSI_COLD const char *spsi_plan_map_reason(const spsi_frame *frame) {
     static const char *const reasons[] = {"lights have a shadow_map or SPS_SHADOW_TABLE",
                                           "",
@@ -24900,10 +24897,10 @@ SPSI_COLD void spsi_plan_tmaps(sps_context *context, const spsi_frame *frame, co
     report->pass[SPS_PASS_LIGHT_MAPS].bytes += most;
 }
 
-/* Bytes outside the sweeps, unless cached. Existing buffers count where they exceed the plan. */
+/* Counts bytes outside sweeps. Existing buffers count if larger than planned. */
 SPSI_COLD void spsi_plan_bytes(sps_context *context, spsi_frame *frame, const spsi_reading *reading,
                                sps_plan_report *report) {
-    report->bytes = sizeof *context + context->stats.bytes + 2 * SPSI_BUFFER_COUNT * SPSI_LINK_BYTES; /* maps' too */
+    report->bytes = sizeof *context + context->stats.bytes + 2 * SPSI_BUFFER_COUNT * SPSI_LINK_BYTES; /* with maps' */
     context->counted = &report->pass[SPS_PASS_GATHER].bytes;
     spsi_plan_gather_bytes(context, frame, reading);
     context->counted = &report->pass[SPS_PASS_PROJECTORS].bytes;
@@ -24984,7 +24981,7 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
     if (context->result) return context->result;
     spsi_plan_passes(context, frame, &reading, report);
     for (int i = 0; i < SPS_PASS_COUNT; ++i)
-        if (report->pass[i].runs == 0) report->pass[i].bytes = 0; /* counted only in the sum */
+        if (report->pass[i].runs == 0) report->pass[i].bytes = 0; /* the total keeps them */
     return SPS_OK;
 }
 
@@ -24992,15 +24989,15 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
 
 /* ============================================================================================ >>reference
    40 Brute-force reference in double precision. The field is summed over all voxels within SPSI_REFERENCE_REACH and
-   marched at midpoints of equal steps, with a shadow ray per sample. Triangles and spheres are intersected exactly,
-   through trees of boxes. The ray-triangle test (>>polygons) and the response to light of surfaces and samples (in
-   floats) are the renderer's. Errors are second-order in the step. Rays march in rounds between translucent triangles;
-   in between, shade_fn is called for all pixels. Cost: pixels * samples per ray * (1 + lights * samples per shadow ray)
-   * 343 voxels. */
+   marched at midpoints of equal steps, with a shadow ray per sample and light. Triangles and spheres are intersected
+   exactly, through trees of boxes. The ray-triangle test (>>polygons) and the shading of surfaces and samples (in
+   floats) are the renderer's. Errors are second-order in the step. Each round marches rays to their next triangle;
+   between rounds, shade_fn is called for all pixels. Cost: pixels * samples per ray * (1 + lights * samples per shadow
+   ray) * 343 voxels. */
 
-#define SPSI_REFERENCE_REACH  3.25 /* voxels, 5 standard deviations: 2e-6 of the kernel's mass is beyond */
+#define SPSI_REFERENCE_REACH  3.25 /* voxels, 5 standard deviations: 2e-6 of the kernel's mass lies beyond */
 #define SPSI_REFERENCE_TAPS   8
-#define SPSI_MARCH_SHARE      0.25 /* fraction of a call's progress, if paths follow */
+#define SPSI_MARCH_SHARE      0.25 /* marching's fraction of progress, if paths follow */
 #define SPSI_REFERENCE_POINTS 64   /* per area light and shaded point */
 #define SPSI_MARCH_ROUNDING   1e-6 /* relative: colors and bounds are floats */
 
@@ -25011,7 +25008,7 @@ typedef struct spsi_dense {
     double all_most;      /* maximum value, for bounds */
     int size[3];          /* voxels */
     int bricks[3];
-    double inverse[3][3]; /* rows; world offset from the corner to voxels */
+    double inverse[3][3]; /* rows: map world offsets from the corner to voxels */
     double corner[3];
 } spsi_dense;
 
@@ -25022,22 +25019,22 @@ typedef struct spsi_enclosure {
 /* A shadow ray's path through media. */
 typedef struct spsi_shade {
     spsi_enclosure depth;
-    double way;                                              /* length in the medium's bounds */
+    double way;                                              /* length within the medium's bounds */
     double half[SPSI_VOLUMES_MAX], middle[SPSI_VOLUMES_MAX]; /* for bounds: integrals of nearby voxels' range */
 } spsi_shade;
 
-/* A pixel's ray. Without bounds, enclosures are points. */
+/* A pixel's ray. Without bounds, enclosures have zero width. */
 typedef struct spsi_walker {
     spsi_enclosure colors[3];      /* sums over finished samples */
     double coverage, distance_sum; /* likewise */
     double paths[3], squares[3];   /* sums over paths: radiance and its square */
-    spsi_enclosure radiance[3];    /* light from in front of `low` */
-    spsi_enclosure scattered[3];   /* the medium's light there, with bounds */
-    double source[3];              /* its maximum radiance, were it opaque */
-    double filter[3];              /* transmittance of its polygons */
-    spsi_enclosure gas;            /* optical depth of its medium */
+    spsi_enclosure radiance[3];    /* radiance so far */
+    spsi_enclosure scattered[3];   /* the medium's radiance, with bounds */
+    double source[3];              /* maximum radiance, were the medium opaque */
+    double filter[3];              /* transmittance of polygons so far */
+    spsi_enclosure gas;            /* optical depth of media so far */
     double distance;               /* weighted by absorption */
-    double low, high;              /* segment before the next face, world length */
+    double low, high;              /* segment up to the next face, world length */
     double depth;                  /* t - depth_reference of the next face; infinity: none */
     spsi_hit hit;                  /* next face */
     int ended;                     /* 1: nothing more is visible */
@@ -25067,7 +25064,7 @@ typedef struct spsi_marcher {
     const double *glow;   /* cumulative emission of rows of voxels, then of particles, for paths */
     size_t glow_count;
     double glow_sum; /* total; 0: nothing emits */
-    /* Follows a step after `halvings` halvings. Returns 0 if the rest is hidden. */
+    /* Marches a step, halved `halvings` times. Returns 0 if the rest is hidden. */
     int (*follow)(const struct spsi_marcher *marcher, const spsi_ray *step, int halvings, spsi_sample *samples,
                   spsi_walker *walker);
     void (*shade)(const struct spsi_marcher *marcher, int m, const spsi_ray *part, spsi_shade *shade);
@@ -25091,8 +25088,8 @@ SPSI_COLD spsi_enclosure spsi_enclosure_transmittance(spsi_enclosure depth) {
 
 /* --- the field --- */
 
-/* Gaussian weights, the first `d` standard deviations before a point. `slopes`: derivatives, or NULL. Ratios of
-   neighbouring weights change by a constant factor. */
+/* Gaussian weights; the first tap lies `d` standard deviations before the point. `slopes`: derivatives, or NULL. Ratios
+   of neighbouring weights change by a constant factor. */
 static void spsi_gauss_taps(double d, int count, double *weights, double *slopes) {
     const double step = 1 / SPSI_SIGMA, bend = exp(-step * step);
     double weight = exp(-0.5 * d * d) / (sqrt(2 * SPSI_PI) * SPSI_SIGMA), change = exp(step * (d - 0.5 * step));
@@ -25132,8 +25129,8 @@ static int spsi_vicinity_place(const spsi_dense *grid, const double point[3], do
     return 1;
 }
 
-/* f at a world point, from voxels within `reach`. `gradient`: in world space, or NULL. `range`: minimum and maximum of
-   these voxels, or NULL. Rows are summed before weighting along x: independent sums are faster. */
+/* Field at a world point, from voxels within `reach`. `gradient`: in world space, or NULL. `range`: minimum and maximum
+   of these voxels, or NULL. Rows are summed before weighting along x: independent sums are faster. */
 static double spsi_field(const spsi_dense *grid, const double point[3], double reach, double gradient[3],
                          float range[2]) {
     double row[SPSI_REFERENCE_TAPS] = {0}, by_y[SPSI_REFERENCE_TAPS] = {0}, by_z[SPSI_REFERENCE_TAPS] = {0};
@@ -25143,7 +25140,7 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double r
     if (gradient) memset(gradient, 0, 3 * sizeof(double));
     if (range) range[0] = range[1] = 0;
     if (!spsi_vicinity_place(grid, point, reach, gradient != NULL, &v)) return 0;
-    const int whole = v.count[0] + v.count[1] + v.count[2] == 3 * SPSI_REFERENCE_TAPS; /* else 0 beyond the edge */
+    const int whole = v.count[0] + v.count[1] + v.count[2] == 3 * SPSI_REFERENCE_TAPS; /* else the range includes 0 */
     for (int x = 0; x < SPSI_REFERENCE_TAPS; ++x) low[x] = whole ? FLT_MAX : 0;
     for (int z = 0; z < v.count[2]; ++z)
         SPSI_ROLLED for (int y = 0; y < v.count[1]; ++y) {
@@ -25175,11 +25172,11 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double r
 }
 
 /* Chord through a sphere, along s in -1..1. Optical depth from the middle, relative to the chord's, is s / 2 for
-   density 1. For density 1 - (r / radius)^2, it is 3 s / 4 - s^3 / 4. */
+   uniform density. For density 1 - (r / radius)^2, it is 3 s / 4 - s^3 / 4. */
 typedef struct spsi_ray_chord {
     double depth;
-    double middle, half; /* where s is 0; half length */
-    double at[2];        /* this ratio at the segment's ends */
+    double middle, half; /* distance where s is 0; half length */
+    double at[2];        /* relative optical depth at the segment's ends */
 } spsi_ray_chord;
 
 static int spsi_ray_chord_in_sphere(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set,
@@ -25200,7 +25197,7 @@ static int spsi_ray_chord_in_sphere(const spsi_ray *ray, const sps_particle *par
     return 1;
 }
 
-/* `depths`: per set; returns their sum. */
+/* `depths`: per set. Returns their sum. */
 static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
     const spsi_frame *frame = marcher->frame;
     double sum = 0;
@@ -25218,7 +25215,7 @@ static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *
     return sum;
 }
 
-/* Starts at the near plane. Returns length per unit of t. */
+/* A pixel's ray from the near plane on. Returns length per unit of t. */
 static double spsi_march_ray(const spsi_rays *eye, double x, double y, spsi_ray *ray) {
     spsi_ray_point(eye, x, y, 0, ray->origin);
     spsi_ray_direction(eye, x, y, ray->direction);
@@ -25378,7 +25375,7 @@ static void spsi_march_sample(const spsi_marcher *marcher, int part, const doubl
     sample->has_normal = 1;
 }
 
-/* Volumes are sampled at the middle of a step, particles averaged over it. */
+/* Volumes are sampled at a step's middle, particles averaged over it. */
 typedef struct spsi_point {
     double position[3];                    /* the step's middle */
     double direction[3];                   /* unit vector from the eye */
@@ -25389,7 +25386,7 @@ typedef struct spsi_point {
     double value[SPSI_MATERIALS_MAX];      /* per part; for particles, extinction */
     double extinction[SPSI_MATERIALS_MAX];
     double extinction_sum;
-    double gas, passes;                    /* optical depth from the eye; mean transmittance over the step */
+    double gas, passes;                    /* optical depth to the eye; mean transmittance over the step */
     double value_sum;                      /* 0: empty */
     spsi_sample *samples;
 } spsi_point;
@@ -25420,7 +25417,7 @@ SPSI_COLD int spsi_reference_points(const spsi_light *light) {
     return light->samples > 0 ? light->samples : SPSI_REFERENCE_POINTS;
 }
 
-/* Low-discrepancy sequence [Roberts 2018, R2], shifted by a position hash: errors average out along a ray. */
+/* Low-discrepancy sequence [Roberts 2018, R2], shifted by a hash of position: errors average out along a ray. */
 static void spsi_reference_point(const spsi_light *light, const double place[3], int n, spsi_light *point) {
     const uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, place, 3 * sizeof *place);
     const double x = 0.75487766624669276 * (n + 1) + (double)(hash >> 40) / 16777216;
@@ -25446,7 +25443,7 @@ static double spsi_point_inverse_square(const spsi_point *point, const double fr
     return y < 1e-6 * x ? 1 / x : atan2(y, x) / y;
 }
 
-/* Irradiance in gas or on a polygon, shadowed by polygons but no medium. Returns 0 if none. */
+/* Irradiance in gas or on a polygon, shadowed by polygons only. Returns 0 if none. */
 static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *point, const spsi_light *light,
                               double travel[3], double arrives[3]) {
     const double *start = point->surface ? point->surface->start : point->position;
@@ -25467,7 +25464,7 @@ static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *poi
     return 1;
 }
 
-/* Fraction sent towards the eye, by color. */
+/* Fraction scattered towards the eye, per channel. */
 static void spsi_march_response(const spsi_material *material, const spsi_sample *sample, const double toward[3],
                                 const double travel[3], double response[3]) {
     spsi_v toward_v[3], travel_v[3], all[3];
@@ -25477,7 +25474,7 @@ static void spsi_march_response(const spsi_material *material, const spsi_sample
     for (int c = 0; c < 3; ++c) response[c] = (double)spsi_one(all[c]);
 }
 
-/* Weight of forward multiple scattering at depth t. `taken`: depth for its series. */
+/* Weight of forward multiple scattering at depth t. `taken`: t, clamped for the series. */
 SPSI_COLD double spsi_forward_fade(double t, double *taken) {
     const double from = spsi_forward_depth(SPSI_FORWARD_SIZE - 2), end = (double)SPSI_FORWARD_END;
     *taken = spsi_dmin(t, from);
@@ -25485,7 +25482,7 @@ SPSI_COLD double spsi_forward_fade(double t, double *taken) {
     return spsi_dmin((4 / (t + 4) - 4 / (end + 4)) / (4 / (from + 4) - 4 / (end + 4)), 1); /* 1 - u = 4 / (t + 4) */
 }
 
-/* Forward multiple scattering by the series, per unit of a sample's optical depth and unattenuated irradiance. */
+/* Forward multiple scattering from its series, per unit of a sample's optical depth and unattenuated irradiance. */
 SPSI_COLD void spsi_march_forward(const spsi_material *material, const spsi_sample *sample, double cosine, double depth,
                                   double sent[3]) {
     double taken;
@@ -25522,7 +25519,7 @@ SPSI_COLD void spsi_point_add_light(const spsi_marcher *marcher, const spsi_poin
     }
 }
 
-/* Radiance per unit length that reaches the eye. */
+/* Radiance per unit length towards the eye, attenuated by media. */
 SPSI_COLD void spsi_point_source(const spsi_marcher *marcher, const spsi_point *point, double source[3]) {
     const spsi_frame *frame = marcher->frame;
     memset(source, 0, 3 * sizeof *source);
@@ -25642,7 +25639,7 @@ SPSI_COLD void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sam
 
 static int spsi_march_spans(int width) { return (width + SPSI_MARCH_SPAN - 1) / SPSI_MARCH_SPAN; }
 
-/* Whole rows per task would make workers wait. */
+/* Tasks of whole rows would leave workers idle. */
 static void spsi_march_span_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
     const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
@@ -25678,7 +25675,7 @@ static void spsi_march_meet_task(void *data, int index) {
     }
 }
 
-/* `n`: sample within each pixel. */
+/* Starts sample n of all pixels. */
 SPSI_COLD void spsi_march_start(const spsi_marcher *marcher, const spsi_rays *centre, int n) {
     const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
     const int side = marcher->side;
@@ -25899,26 +25896,26 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
    times falloff, phase function and cone. Nearby voxels' differences bound derivatives of field and optical depth;
    products, exponentials and powers have majorant series. Where the medium is too dense for these, transmittances at a
    step's ends bound its light. Where a shadow may begin, light lies between none and all. Steps are halved while that
-   helps. The field's kernels are untruncated up to 4 voxels from a volume's box; beyond, it is 0. Cost: pixels * steps
-   * 3 * (1 + lights * shadow steps * 3) * 512 voxels. */
+   helps. Kernels are untruncated within 4 voxels of a volume's box; beyond, the field is 0. Cost: pixels * steps * 3 *
+   (1 + lights * shadow steps * 3) * 512 voxels. */
 
 #define SPSI_BRACKET_ORDER    6
 #define SPSI_BRACKET_REACH    (4 - 1e-9)
-#define SPSI_BRACKET_STEP     0.75  /* maximum in voxels, so that the taps suffice */
-#define SPSI_BRACKET_TAIL     2e-8  /* kernels beyond the taps, relative to the largest value */
+#define SPSI_BRACKET_STEP     0.75  /* maximum, in voxels, so that the taps suffice */
+#define SPSI_BRACKET_TAIL     2e-8  /* sum of kernels beyond the taps, relative to the maximum */
 #define SPSI_BRACKET_HALVINGS 12    /* maximum, in dense media */
 #define SPSI_BRACKET_EDGES    6     /* likewise, at shadow edges and for wide bounds */
-#define SPSI_BRACKET_WIDE     1e-3  /* maximum width, relative to an opaque medium */
-#define SPSI_BRACKET_DENSE    0.5   /* maximum optical depth of a step, at its densest */
+#define SPSI_BRACKET_WIDE     1e-3  /* target width of bounds, relative to an opaque medium */
+#define SPSI_BRACKET_DENSE    0.5   /* maximum step length times maximum extinction */
 #define SPSI_BRACKET_SEEN     10    /* behind this optical depth, nothing is halved: 5e-5 passes */
 #define SPSI_BRACKET_STEPS    1e8   /* maximum per ray */
-#define SPSI_BRACKET_DARK     27.6  /* behind this optical depth, shadows are ignored: 1e-12 passes */
+#define SPSI_BRACKET_DARK     27.6  /* behind this optical depth, no shadow rays: 1e-12 passes */
 #define SPSI_BRACKET_ROOM     1e-9  /* relative tolerance, at shadow edges */
 
 
-/* Bounds on k-th derivatives along a unit vector, in voxels: maxima found, plus 1 %. Sums: all kernels' absolute
-   values. Ripples: signed values, ideally constant. Tails: absolute values beyond the taps, up to SPSI_BRACKET_STEP
-   away. */
+/* Bounds on sums of kernels' k-th derivatives along a unit vector, in voxels: maxima found, plus 1 %. Sums: of absolute
+   values. Ripples: of signed values, ideally constant. Tails: of absolute values beyond the taps, up to
+   SPSI_BRACKET_STEP away. */
 static const double spsi_kernel_sums[SPSI_BRACKET_ORDER + 1] = {1.0115, 1.41, 2.95, 8.1, 24.7, 77.5, 249};
 static const double spsi_kernel_ripples[SPSI_BRACKET_ORDER + 1] = {1.0015, 0.0053, 0.0192, 0.12, 0.753, 4.73, 29.8};
 static const double spsi_kernel_tails[SPSI_BRACKET_ORDER + 1] = {9e-6, 4e-5, 2e-4, 1.3e-3, 8e-3, 0.05, 0.3};
@@ -25950,7 +25947,7 @@ SPSI_COLD spsi_series spsi_series_exponential(const spsi_series *w) {
     return result;
 }
 
-/* Series of a field, per unit length of `speed` voxels. Nearby voxels are `middle` +- `half`; none exceeds `most`.
+/* Series of a field. `speed`: voxels per unit length. Nearby voxels lie within `middle` +- `half`; none exceeds `most`.
    Given integrals of these, returns the integral's series. */
 SPSI_COLD spsi_series spsi_series_of_field(double speed, double half, double middle, double most) {
     spsi_series series;
@@ -25975,7 +25972,7 @@ static double spsi_gauss_error(double h, double sixth) { return h * (h * h) * (h
 typedef struct spsi_step_gas {
     double value[3];     /* field at the points */
     double half, middle; /* nearby voxels: middle +- half */
-    double tail;         /* possible deficit of `value` */
+    double tail;         /* maximum deficit of `value` */
     spsi_series series;
     spsi_enclosure length; /* integral over the step */
 } spsi_step_gas;
@@ -26027,15 +26024,15 @@ typedef struct spsi_step {
     double particles[SPSI_SETS_MAX];     /* optical depths per set */
     spsi_enclosure before, depth;        /* optical depth up to the step, and in it */
     spsi_enclosure within[3];            /* depth from the step's beginning to its points */
-    spsi_series passes;                  /* depth from the eye, without term 0 */
+    spsi_series passes;                  /* series of depth from the eye, without term 0 */
     int lit;                             /* 1: shadows matter */
     int smooth;                          /* 1: no particles */
 } spsi_step;
 
 typedef struct spsi_incoming {
-    spsi_enclosure depth[3]; /* optical depth at the step's points */
-    spsi_enclosure passes;   /* transmittance anywhere on it */
-    spsi_series series;    /* optical depth, without term 0 */
+    spsi_enclosure depth[3]; /* optical depth from the light to the step's points */
+    spsi_enclosure passes;   /* range of transmittance on the step */
+    spsi_series series;    /* series of `depth`, without term 0 */
     double falls[3];       /* falloff times phase function, at the points */
     spsi_enclosure range;  /* range of `falls` on the step */
     spsi_series falloff;   /* series of `falls` */
@@ -26104,7 +26101,7 @@ SPSI_COLD spsi_enclosure spsi_step_integral(const spsi_marcher *marcher, const s
     result.low = (set < 0 ? gas->length.low : step->particles[set]) * exp(-step->before.high - step->depth.high);
     result.high = (set < 0 ? gas->length.high : step->particles[set]) * exp(-step->before.low);
     if (set >= 0 || !(result.high > 0)) return result;
-    if (marcher->part_count == 1 && extinction > 0) { /* absorption is the drop of transmittance */
+    if (marcher->part_count == 1 && extinction > 0) { /* absorption equals the drop in transmittance */
         result.low = spsi_dmax(result.low, exp(-step->before.high) * -expm1(-step->depth.low) / extinction);
         result.high = spsi_dmin(result.high, exp(-step->before.low) * -expm1(-step->depth.high) / extinction);
     }
@@ -26137,7 +26134,7 @@ SPSI_COLD void spsi_incoming_plain(spsi_incoming *incoming) {
     incoming->smooth = 1;
 }
 
-/* 1 / r^2 as in >>reference. Its series has terms up to (k + 1) / r^(k + 2) [as 1 / (1 - x)^2]. */
+/* 1 / r^2 as in >>reference. Its series' terms are at most (k + 1) / r^(k + 2), as for 1 / (1 - x)^2. */
 SPSI_COLD void spsi_incoming_fall(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *light,
                                   spsi_incoming *incoming) {
     const spsi_rays *eye = &marcher->frame->content->eye;
@@ -26172,7 +26169,7 @@ static double spsi_step_distance(const spsi_step *step, const spsi_light *light)
     return light->is_point ? spsi_length(offset) : HUGE_VAL;
 }
 
-/* Shadow rays pivot about a point light at distance r; r has terms up to r^(1 - k). */
+/* Shadow rays pivot about a point light at distance r, whose series' terms are at most r^(1 - k). */
 SPSI_COLD void spsi_incoming_shade(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *light,
                                    spsi_incoming *incoming) {
     const double h = step->ray.high - step->ray.low, distance = spsi_step_distance(step, light);
@@ -26204,7 +26201,7 @@ SPSI_COLD void spsi_incoming_shade(const spsi_marcher *marcher, const spsi_step 
     }
 }
 
-/* Maximum angle from the light's direction at the step's middle. */
+/* Maximum turn of the light's direction from the step's middle. */
 SPSI_COLD double spsi_step_turn(const spsi_step *step, const spsi_light *light) {
     const double half = 0.5 * (step->ray.high - step->ray.low), distance = spsi_step_distance(step, light);
     return half < distance ? asin(half / distance) : 4;
@@ -26254,7 +26251,7 @@ SPSI_COLD spsi_series spsi_series_lobe(const sps_lobe *lobe, double least, const
 }
 
 /* Phase function per unit of optical depth and albedo. Lobes are monotonic in the cosine, so its range bounds them. A
-   point light's direction turns by less than the step's angle, with terms up to 2 / r^k. */
+   point light's direction turns by at most spsi_step_turn; its series' terms are at most 2 / r^k. */
 SPSI_COLD void spsi_incoming_phase(const spsi_step *step, const spsi_light *light, const spsi_material *material,
                                    spsi_incoming *incoming) {
     const double half = 0.5 * (step->ray.high - step->ray.low), turn = spsi_step_turn(step, light);
@@ -26323,9 +26320,9 @@ SPSI_COLD void spsi_step_add_light(const spsi_marcher *marcher, const spsi_step 
     for (int c = 0; c < 3; ++c) sum->source[c] += source[c];
 }
 
-/* --- polygons before a light --- */
+/* --- shadows of polygons --- */
 
-/* Side of a plane; 0: too close to tell. */
+/* A point's side of a plane; 0: too close to tell. */
 SPSI_COLD int spsi_plane_side(const double normal[3], const double on[3], const double point[3]) {
     double offset[3], side, room;
     spsi_along(point, on, -1, offset);
@@ -26334,7 +26331,7 @@ SPSI_COLD int spsi_plane_side(const double normal[3], const double on[3], const 
     return side > room ? 1 : side < -room ? -1 : 0;
 }
 
-/* Plane of light rays through two points. */
+/* Plane of a light's rays through two points. */
 SPSI_COLD void spsi_light_plane(const spsi_light *light, const double a[3], const double b[3], double normal[3]) {
     double u[3], v[3];
     spsi_along(b, a, -1, u);
@@ -26347,8 +26344,8 @@ SPSI_COLD void spsi_light_plane(const spsi_light *light, const double a[3], cons
 
 typedef enum spsi_cover { SPSI_COVER_CLEAR, SPSI_COVER_BEHIND, SPSI_COVER_PARTLY } spsi_cover;
 
-/* Tests whether a face hides a light from a whole step. Separating planes contain the face, an edge and the light, or
-   the step and the light. */
+/* Tests whether a face hides a light from all, part or none of a step. Separating planes contain the face, an edge and
+   the light, or the step and the light. */
 SPSI_COLD spsi_cover spsi_face_cover(const spsi_face *face, const spsi_light *light, const spsi_step *step) {
     double normal[3], beyond[3];
     int side, sides[3], inside = 1;
@@ -26402,7 +26399,7 @@ SPSI_COLD int spsi_step_cover(const spsi_faces *faces, const spsi_light *light, 
 
 /* --- following a ray --- */
 
-/* True if halving helps: dense media, edges of shadows or cones. */
+/* True if halving helps: in dense media, at edges of shadows or cones. */
 SPSI_COLD int spsi_step_too_long(const spsi_marcher *marcher, const spsi_step *step, int halvings) {
     const double dense = step->passes.term[1] * (step->ray.high - step->ray.low);
     if (!step->lit || step->before.low > SPSI_BRACKET_SEEN) return 0;
@@ -26508,27 +26505,27 @@ SPSI_COLD sps_result spsi_bracket_begin(sps_context *context, spsi_marcher *marc
 }
 
 /* ================================================================================================ >>paths
-   42 Multiple scattering by random paths from the eye: an unbiased reference, with the field and polygons of
-   >>reference. Volumes are crossed by delta tracking [Woodcock et al. 1965]: tentative collisions lie -ln(u) / bound
-   apart and are real with probability extinction / bound, with a bound per brick. Spheres are sampled in closed form.
-   At the nearest collision or face, shadow rays add all lights' scattering, using ratio tracking in volumes [Novak et
-   al. 2014]. The next direction is drawn from the phase function. Lights at the first event are marched. Emission is
-   sampled by a shadow ray to a point drawn in proportion to it, and at a point on each later ray. The balance heuristic
-   [Veach and Guibas 1995] avoids noise near and inside small flames. Cost: paths * events * (1 + lights) * bound *
-   length * 343 voxels. */
+   42 Multiple scattering by random paths from the eye: unbiased, with the field and polygons of >>reference. Volumes
+   are crossed by delta tracking [Woodcock et al. 1965]: tentative collisions lie -ln(u) / bound apart and are real with
+   probability extinction / bound, with a bound per brick. Spheres are sampled in closed form. At the nearest collision
+   or face, shadow rays add all lights' scattering, using ratio tracking in volumes [Novak et al. 2014]. The next
+   direction is drawn from the phase function. At the first event, lights are marched instead. Emission is sampled by a
+   shadow ray to a point drawn in proportion to it, and at a point on each later ray. The balance heuristic [Veach and
+   Guibas 1995] avoids noise near and inside small flames. Cost: paths * events * (1 + lights) * bound * length * 343
+   voxels. */
 
 #define SPSI_PATHS_MAX    (1 << 20)
 #define SPSI_PATH_ROUND   16    /* maximum paths per pixel between calls of progress_fn */
-#define SPSI_PATH_BRICK   1e4f  /* maximum optical depth of a brick: beyond, no light passes */
+#define SPSI_PATH_BRICK   1e4f  /* maximum optical depth of a brick: no light passes anyway */
 #define SPSI_PATH_GOES_ON 0.998 /* maximum survival probability: without absorption, 500 events */
 #define SPSI_PATH_WEIGHTY 3     /* events before Russian roulette */
-#define SPSI_PATH_SPLITS  0.05  /* transmittance below which one of two shadow rays ends */
+#define SPSI_PATH_SPLITS  0.05  /* transmittance below which half the shadow rays end */
 
 typedef struct spsi_path {
     spsi_ray ray; /* after the last event */
     double weight[3], radiance[3];
     double from[3];  /* last event */
-    double density;  /* per steradian, of its direction */
+    double density;  /* per steradian, of the ray's direction */
     uint64_t random; /* generator state */
     int face;        /* starting face; -1: none */
     const spsi_material *material; /* at the last event in a medium */
@@ -26558,7 +26555,7 @@ static void spsi_random_about(uint64_t *state, const double axis[3], double cosi
     spsi_normalise(out);
 }
 
-/* Inverts a random lobe's CDF [Henyey & Greenstein 1941]. */
+/* Draws a cosine: inverts a random lobe's CDF [Henyey & Greenstein 1941]. */
 static double spsi_random_phase(uint64_t *state, const spsi_material *material) {
     double pick = spsi_random(state), u = spsi_random(state), g = 0, part;
     for (int i = 0; i < material->lobe_count; ++i) {
@@ -26573,7 +26570,7 @@ static double spsi_random_phase(uint64_t *state, const spsi_material *material) 
 
 /* --- delta tracking --- */
 
-/* Bounds extinction per brick. Summed kernels ripple by 0.1 %. */
+/* Bounds extinction per brick. Kernel sums ripple by 0.1 %. */
 SPSI_COLD void spsi_dense_bound(const spsi_material *material, const spsi_dense *grid) {
     const int count = grid->bricks[0] * grid->bricks[1] * grid->bricks[2];
     float up_to[SPSI_TABLE_SIZE + 1] = {0}, most = SPSI_PATH_BRICK;
@@ -26595,11 +26592,11 @@ typedef struct spsi_tracker {
     const spsi_dense *grid;
     const spsi_material *material;
     const spsi_ray *ray;
-    spsi_ray rest;       /* the rest of it, in voxels */
+    spsi_ray rest;       /* the rest of `ray`, in voxels */
     double leave, bound; /* extinction's upper bound up to `leave` */
 } spsi_tracker;
 
-/* Segments are one brick long, so their voxels lie in their middle's brick and its neighbours. */
+/* Segments are one brick long, so all voxels in reach lie in the middle's brick or its neighbours. */
 static void spsi_tracker_enter(spsi_tracker *tracker) {
     const spsi_dense *grid = tracker->grid;
     const spsi_ray *rest = &tracker->rest;
@@ -26649,7 +26646,7 @@ static double spsi_tracker_next(spsi_tracker *tracker, uint64_t *random) {
     return spsi_dmin(spsi_extinction_at(tracker->material, value, NULL) / tracker->bound, 1);
 }
 
-/* Shortens the ray to a collision, and sets `part`. Without `part`, multiplies `passes` by transmittance; a faint ray
+/* Shortens the ray to a collision, and sets `part`. Without `part`, returns `passes` times transmittance; a faint ray
    ends or counts twice. */
 static double spsi_path_through_volumes(const spsi_marcher *marcher, spsi_ray *ray, uint64_t *random, double passes,
                                         int *part) {
@@ -26729,8 +26726,8 @@ static sps_result spsi_emission_build(sps_context *context, spsi_marcher *marche
     return SPS_OK;
 }
 
-/* Draws an emitting point, as a light with its part's color, of mean 1. Points follow a sphere's density or a voxel's
-   kernel; 2e-6 of a kernel lies beyond SPSI_REFERENCE_REACH, where nothing emits. */
+/* Draws an emitting point, as a light of its part's color, scaled to mean 1. Points follow a sphere's density or a
+   voxel's kernel; beyond SPSI_REFERENCE_REACH (2e-6 of it), nothing emits. */
 static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, spsi_light *light) {
     const spsi_frame *frame = marcher->frame;
     const double pick = (1 - DBL_EPSILON) * spsi_random(random) * marcher->glow_sum; /* below the sum after rounding */
@@ -26773,8 +26770,8 @@ static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, sp
     for (int c = 0; c < 3; ++c) light->color[c] = (float)((double)material->emission[c] / spsi_emission_of(material));
 }
 
-/* `density`: per steradian, of paths from the event. Returns the balance heuristic's weight of drawing the point; paths
-   that hit it get the rest. */
+/* `density`: of directions from the event, per steradian. Returns the balance heuristic's weight for the drawn point;
+   paths that hit it get the rest. */
 static double spsi_emission_at(const spsi_marcher *marcher, const double event[3], double density,
                                const double point[3], double emitted[3]) {
     const spsi_bounds *bounds = &marcher->frame->content->bounds;
@@ -26832,7 +26829,7 @@ static double spsi_path_density(const spsi_material *material, double cosine) {
     return spsi_phase_at(material, cosine);
 }
 
-/* Fraction of light that the last event sends along the path, by color. Returns the direction's density. */
+/* Fraction of light along `travel` scattered back along the path, per channel. Returns the direction's density. */
 static double spsi_path_response(const spsi_path *path, const spsi_point *point, const double travel[3],
                                  double response[3]) {
     if (!point->surface) {
@@ -26843,7 +26840,7 @@ static double spsi_path_response(const spsi_path *path, const spsi_point *point,
     return spsi_dmax(-spsi_dot(travel, point->surface->normal), 0) / SPSI_PI;
 }
 
-/* `density`: of the direction; negative: no event. */
+/* `density`: of the direction, per steradian; negative: no event. */
 static void spsi_path_turn(spsi_path *path, const double direction[3], int face, double density) {
     spsi_along(path->ray.origin, path->ray.direction, path->ray.high, path->ray.origin);
     if (density >= 0) {
@@ -26882,7 +26879,6 @@ static void spsi_path_lights(const spsi_marcher *marcher, const spsi_point *poin
     }
 }
 
-/* Puts the event at the ray's end. */
 static void spsi_path_event(const spsi_path *path, spsi_point *point) {
     memset(point, 0, sizeof *point);
     spsi_along(path->ray.origin, path->ray.direction, path->ray.high, point->position);
@@ -27008,7 +27004,7 @@ static void spsi_paths_pixel(const spsi_marcher *marcher, int x, int y, spsi_sam
 
 SPSI_COLD sps_result spsi_paths_run(sps_context *context, spsi_marcher *marcher) {
     const int samples = marcher->settings->samples;
-    const double share = (1 - SPSI_MARCH_SHARE) / samples; /* per path of each pixel */
+    const double share = (1 - SPSI_MARCH_SHARE) / samples; /* progress for a path per pixel */
     if (spsi_emission_build(context, marcher)) return context->result;
     for (int m = 0; m < marcher->frame->medium_count; ++m)
         spsi_dense_bound(spsi_material_of(marcher->frame, m), &marcher->grids[m]);
@@ -27121,7 +27117,7 @@ SPSI_COLD sps_result spsi_check_config(sps_context *context, const sps_config *c
     return context->result;
 }
 
-/* Refuses a nested call. Only the first refusal is reported, since message_fn may cause the next. */
+/* Refuses a nested call. Reports only the first, since message_fn may cause the next. */
 static sps_result spsi_refuse(sps_context *context) {
     if (context->within == 2) return context->result;
     context->within = 2;
@@ -27263,7 +27259,7 @@ SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, c
     return spsi_end_timed(context);
 }
 
-/* Exact conversion to float. */
+/* Converts half precision to float, exactly. */
 static float spsi_half(uint16_t half) {
     const uint32_t exponent = half >> 10 & 31, fraction = half & 1023;
     const float subnormal = (float)fraction * (1 / 16777216.0f); /* units of 2^-24 */
@@ -27275,7 +27271,7 @@ static float spsi_half(uint16_t half) {
     return value;
 }
 
-/* Packed bytes have a loop that compilers vectorise. */
+/* Packed bytes take a vectorisable loop. */
 static void spsi_voxel_row(const sps_grid *grid, const char *from, ptrdiff_t step, int count, float *out) {
     const float scale = fabsf(grid->scale) > 0 ? grid->scale : 1, offset = grid->offset;
     const unsigned char *bytes = (const unsigned char *)from;
@@ -27311,7 +27307,7 @@ static void spsi_grid_strides(const sps_grid *grid, ptrdiff_t stride[3]) {
     static const ptrdiff_t bytes[] = {0, 1, 2, 2, 4};
     for (int i = 0; i < 3; ++i) {
         ptrdiff_t packed = i == 0 ? bytes[grid->format] : stride[i - 1] * grid->size[i - 1];
-        if (packed < 0) packed = -packed; /* upward rows still form consecutive layers */
+        if (packed < 0) packed = -packed; /* reversed rows still form ordered layers */
         stride[i] = grid->stride[i] ? grid->stride[i] : packed;
     }
 }
@@ -27360,7 +27356,7 @@ SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float
     return 0;
 }
 
-/* Vertex index at the i-th corner of all triangles. */
+/* Index of the triangles' i-th vertex, three per triangle. */
 static size_t spsi_mesh_index(const sps_indexed_mesh *mesh, size_t i) {
     uint16_t narrow;
     uint32_t wide;
@@ -27422,7 +27418,7 @@ SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *l
     return spsi_end(context);
 }
 
-/* Fails if a map is finished, or has failed to finish. */
+/* Fails if the map is finished or has failed. */
 SPSI_COLD sps_result spsi_require_unfinished(const sps_tmap *map) {
     const char *rest = map->failed ? "has failed to finish; destroy it" : "is finished already";
     if (!map->failed && !map->finished) return SPS_OK;

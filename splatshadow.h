@@ -23909,7 +23909,7 @@ SPSI_COLD int spsi_stage_preset(spsi_stage stage, const spsi_setting *setting) {
     return stage == SPSI_STAGE_CELLS || stage == SPSI_STAGE_CACHED ? setting->cells : setting->gas;
 }
 
-/* Nearest measured rate, scaled by the ratio of start values. */
+/* Nearest preset's measured rate, scaled by the ratio of start values. */
 SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const spsi_setting *setting) {
     const double *known = context->pace.rates[stage], *start = spsi_start_rates[stage];
     const int preset = spsi_stage_preset(stage, setting),
@@ -24328,7 +24328,7 @@ SPSI_COLD sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* Data common to all sweeps. */
+/* Common to all sweeps. */
 typedef struct spsi_picture {
     const spsi_frame *frame;
     spsi_faces faces;
@@ -24351,7 +24351,7 @@ SPSI_COLD sps_result spsi_sweep_once(sps_context *context, const spsi_picture *p
     if (spsi_run_build(context, picture->frame, &picture->faces, &picture->visible, sweep, run)) return context->result;
     const double swept = spsi_clock(context);
     context->stats.seconds_bin += swept - start;
-    const double light = context->stats.seconds_light + context->stats.seconds_bin; /* not the eye's */
+    const double light = context->stats.seconds_light + context->stats.seconds_bin; /* excluded from the eye's */
     if (spsi_run_sweep(run, part)) return context->result;
     if (!measures)
         spsi_parallel_items(context, (picture->frame->view.region[3] + SPSI_SUM_ROWS - 1) / SPSI_SUM_ROWS,
@@ -25020,7 +25020,7 @@ typedef struct spsi_enclosure {
 typedef struct spsi_shade {
     spsi_enclosure depth;
     double way;                                              /* length within the medium's bounds */
-    double half[SPSI_VOLUMES_MAX], middle[SPSI_VOLUMES_MAX]; /* for bounds: integrals of nearby voxels' range */
+    double half[SPSI_VOLUMES_MAX], middle[SPSI_VOLUMES_MAX]; /* for bounds: nearby voxels' middle +- half, integrated */
 } spsi_shade;
 
 /* A pixel's ray. Without bounds, enclosures have zero width. */
@@ -25639,7 +25639,7 @@ SPSI_COLD void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sam
 
 static int spsi_march_spans(int width) { return (width + SPSI_MARCH_SPAN - 1) / SPSI_MARCH_SPAN; }
 
-/* Tasks of whole rows would leave workers idle. */
+/* Whole rows would leave workers idle. */
 static void spsi_march_span_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
     const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
@@ -25902,7 +25902,7 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
 #define SPSI_BRACKET_ORDER    6
 #define SPSI_BRACKET_REACH    (4 - 1e-9)
 #define SPSI_BRACKET_STEP     0.75  /* maximum, in voxels, so that the taps suffice */
-#define SPSI_BRACKET_TAIL     2e-8  /* sum of kernels beyond the taps, relative to the maximum */
+#define SPSI_BRACKET_TAIL     2e-8  /* sum of kernels beyond the taps, relative to the maximum value */
 #define SPSI_BRACKET_HALVINGS 12    /* maximum, in dense media */
 #define SPSI_BRACKET_EDGES    6     /* likewise, at shadow edges and for wide bounds */
 #define SPSI_BRACKET_WIDE     1e-3  /* target width of bounds, relative to an opaque medium */
@@ -26201,7 +26201,7 @@ SPSI_COLD void spsi_incoming_shade(const spsi_marcher *marcher, const spsi_step 
     }
 }
 
-/* Maximum turn of the light's direction from the step's middle. */
+/* Maximum angle by which the light's direction changes from mid-step. */
 SPSI_COLD double spsi_step_turn(const spsi_step *step, const spsi_light *light) {
     const double half = 0.5 * (step->ray.high - step->ray.low), distance = spsi_step_distance(step, light);
     return half < distance ? asin(half / distance) : 4;
@@ -26286,7 +26286,7 @@ SPSI_COLD void spsi_incoming_phase(const spsi_step *step, const spsi_light *ligh
 
 typedef struct spsi_step_light {
     spsi_enclosure light[3], depth;
-    double source[3]; /* maximum radiance, were it opaque */
+    double source[3]; /* maximum radiance, were the medium opaque */
 } spsi_step_light;
 
 /* `light`: NULL for ambient light and emission. */
@@ -26631,7 +26631,7 @@ static int spsi_tracker_begin(const spsi_marcher *marcher, int medium, const sps
     return 1;
 }
 
-/* Returns the probability that the next collision is real; -1: none. */
+/* Returns the probability that the next tentative collision is real; -1: none. */
 static double spsi_tracker_next(spsi_tracker *tracker, uint64_t *random) {
     double point[3], value;
     for (;;) {
@@ -26646,8 +26646,8 @@ static double spsi_tracker_next(spsi_tracker *tracker, uint64_t *random) {
     return spsi_dmin(spsi_extinction_at(tracker->material, value, NULL) / tracker->bound, 1);
 }
 
-/* Shortens the ray to a collision, and sets `part`. Without `part`, returns `passes` times transmittance; a faint ray
-   ends or counts twice. */
+/* Shortens the ray to a collision, and sets `part`. Without `part`, returns `passes` times transmittance; faint rays
+   play Russian roulette. */
 static double spsi_path_through_volumes(const spsi_marcher *marcher, spsi_ray *ray, uint64_t *random, double passes,
                                         int *part) {
     for (int m = 0; m < marcher->frame->medium_count; ++m) {

@@ -25639,7 +25639,7 @@ SPSI_COLD void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sam
 
 static int spsi_march_spans(int width) { return (width + SPSI_MARCH_SPAN - 1) / SPSI_MARCH_SPAN; }
 
-/* Whole rows would leave workers idle. */
+/* Whole-row tasks would leave workers idle. */
 static void spsi_march_span_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
     const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
@@ -26201,7 +26201,7 @@ SPSI_COLD void spsi_incoming_shade(const spsi_marcher *marcher, const spsi_step 
     }
 }
 
-/* Maximum angle by which the light's direction changes from mid-step. */
+/* Maximum angle between the light's direction and its mid-step one. */
 SPSI_COLD double spsi_step_turn(const spsi_step *step, const spsi_light *light) {
     const double half = 0.5 * (step->ray.high - step->ray.low), distance = spsi_step_distance(step, light);
     return half < distance ? asin(half / distance) : 4;

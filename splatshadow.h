@@ -265,7 +265,7 @@ typedef struct sps_transfer {
 } sps_transfer;
 
 typedef enum sps_shading {
-    SPS_SHADING_GAS = 0, /* scatters by the phase function */
+    SPS_SHADING_GAS = 0, /* scatters per phase function */
     SPS_SHADING_SURFACE  /* diffuse and specular where the gradient (as normal) is strong; gas elsewhere */
 } sps_shading;
 
@@ -348,7 +348,7 @@ typedef struct sps_surface_point {
     float weights[3]; /* barycentric, to interpolate the caller's own data */
     size_t triangle;  /* index in the mesh */
     int mesh;         /* index in the scene's array */
-    int x, y;         /* pixel of the whole image */
+    int x, y;         /* pixel in the whole image */
 } sps_surface_point;
 
 /* Appearance of a surface point. */
@@ -485,7 +485,7 @@ typedef struct sps_tmap_settings {
        opacity: two more). NULL: even steps. Other techniques ignore members from here to epsilon. */
     const float *planes;
     int cubic;              /* opacity: 1: monotone cubics between planes instead of straight lines */
-    int texel_range;        /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
+    int texel_range;        /* Fourier: 1: u runs from each texel's first to last occluder; adds two components */
     /* Compressed: maximum error of transmittance, up to 0.5; 0 means 0.01; effectively at least 1e-6 (soft particles:
        0.001). With components: error before nodes are removed; 0 means 1 / 1024. */
     float epsilon;
@@ -750,7 +750,7 @@ typedef struct sps_reference_settings {
 /* The setting that a budget chose, with estimates (docs/budget.md); all 0 without a budget. */
 typedef struct sps_budget_report {
     int is_met;          /* 1: a budget is set, and expected to be met */
-    double seconds;      /* the whole call; sps_render's includes measured reading time */
+    double seconds;      /* the whole call; in sps_render, reading time is measured */
     double error;        /* expected upper bound, see sps_view.budget_error */
     sps_quality quality; /* chosen, as in sps_view; slab_thickness 0: from quality */
     double slab_thickness;
@@ -764,12 +764,12 @@ typedef enum sps_pass {
     SPS_PASS_EYE_POLYGONS,   /* rasterises triangles for the eye */
     SPS_PASS_LAYERS,         /* lists translucent polygons, and polygons at edges */
     SPS_PASS_TEXTURES,       /* calls shade_fn */
-    SPS_PASS_LIGHT_POLYGONS, /* rasterises depth maps for gas, per shadowing light without penumbrae, even if empty */
+    SPS_PASS_LIGHT_POLYGONS, /* rasterises depth maps for gas, per light with hard shadows, even if empty */
     SPS_PASS_TRIANGLE_TREE,  /* builds a tree for shadow rays */
-    SPS_PASS_SHADOW_RAYS,    /* traces rays from polygons to each shadowing light */
+    SPS_PASS_SHADOW_RAYS,    /* traces rays from polygons to each light with shadows */
     SPS_PASS_EYE_SHEETS,     /* fills the eye's sheets, per sweep; with multiple scattering, twice if backlit */
-    SPS_PASS_LIGHT_SHEETS,   /* fills the sheets of each shadowing light without a map */
-    SPS_PASS_LIGHT_MAPS,     /* makes maps and tables of shadowing lights; runs include cached tables */
+    SPS_PASS_LIGHT_SHEETS,   /* fills the sheets of each light with shadows but no map */
+    SPS_PASS_LIGHT_MAPS,     /* makes lights' maps and tables; runs include cached tables */
     SPS_PASS_PENUMBRAE,      /* traces sample points of area lights through sheets */
     SPS_PASS_GRADIENT,       /* gradients of surface-shaded volumes */
     SPS_PASS_SCATTERING,     /* light that sheets scatter towards the eye */
@@ -934,8 +934,8 @@ SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const 
                             sps_plan_report *report);
 
 /* Renders the view's region into the caller's image, which is written only if SPS_OK is returned. Splatting takes time
-   proportional to voxels * pixels * slabs of a footprint; gathering, to pixels * slabs in gas. Each shadowing light
-   adds as much; multiple scattering adds its cells. Any sps_result can occur. */
+   proportional to voxels * pixels * slabs per footprint; gathering, to pixels * slabs in gas. Each light with shadows
+   adds as much; multiple scattering, its cells. Any sps_result can occur. */
 SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view,
                               const sps_image *image);
 
@@ -1662,7 +1662,7 @@ static double spsi_determinant(const double a[3], const double b[3], const doubl
     return spsi_dot(a, bc);
 }
 
-/* Inverse of the matrix with columns a, b, c, as rows. Returns 0 if singular. */
+/* Rows of the inverse of [a b c] (columns a, b, c). Returns 0 if singular. */
 static int spsi_invert(const double a[3], const double b[3], const double c[3], double rows[3][3]) {
     const double determinant = spsi_determinant(a, b, c);
     if (!(fabs(determinant) > 0) || !(fabs(determinant) <= DBL_MAX)) return 0;
@@ -3069,7 +3069,7 @@ typedef struct spsi_curve {
     int node_count;
 } spsi_curve;
 
-/* Appends a node, but keeps only the first and last at one u. Depth never falls. */
+/* Appends a node, keeping only the first and last at any u. Depth never falls. */
 static void spsi_curve_append(spsi_curve *curve, float u, double depth) {
     spsi_node *nodes = curve->nodes;
     const int count = curve->node_count, same = count > 0 && !(nodes[count - 1].u < u);
@@ -4039,7 +4039,7 @@ typedef struct spsi_pyramid {
     spsi_pyramid_level levels[SPSI_VOLUMES_MAX][SPSI_LEVELS + 1]; /* per medium; 0: finest */
 } spsi_pyramid;
 
-/* Results of reading. Until then, bounds are the volumes' boxes. */
+/* Found by reading; before that, bounds are the volumes' boxes. */
 typedef struct spsi_content {
     spsi_bounds bounds;            /* bounds of media */
     double beyond[3];              /* padding for coarser levels, >>sampler */
@@ -8160,7 +8160,7 @@ static void spsi_toward_light(const spsi_light *light, const double point[3], do
 
 #define SPSI_GUARD_BAND 0.05 /* fraction of depth range left free at either end, since Fourier series are periodic */
 
-/* Up to six faces of rays. Depth u runs from 0 at near_depth to 1 at far_depth. */
+/* Rays of 1 or 6 faces. Depth u runs from 0 at near_depth to 1 at far_depth. */
 typedef struct spsi_light_grid {
     int face_count;
     spsi_rays rays[SPSI_CUBE_FACES];
@@ -8802,7 +8802,7 @@ static void spsi_translucency_map_filter(const spsi_translucency_map *map, const
    polynomials. Spheres near the rays' origin are intersected ray by ray. Cost: 15 operations per vector of pixels.
    */
 
-/* Spheres are near at depths below SPSI_SPHERE_NEAR radii, or at cosines to the axis below SPSI_SPHERE_ASIDE, where
+/* Spheres are near at depths below SPSI_SPHERE_NEAR radii, or at cosines with the axis below SPSI_SPHERE_ASIDE, where
    pixels stretch. */
 #define SPSI_SPHERE_NEAR  4.0
 #define SPSI_SPHERE_ASIDE 0.05
@@ -9129,7 +9129,7 @@ static void spsi_sphere_weigh(const spsi_rays *rays, const spsi_rays *faces, dou
    degrees between them, s = normalise(l - e), and the eye composites back to front. |l +- e| >= sqrt 2, so s never
    degenerates; light always travels along s. [Zhang & Crawfis, section 4] */
 
-#define SPSI_COSINE_MIN  0.1  /* rays' minimum cosine to s, so that they cross a slab within 10 thicknesses */
+#define SPSI_COSINE_MIN  0.1  /* minimum cos(ray, s), so that rays cross a slab within 10 thicknesses */
 #define SPSI_COSINE_EVEN 0.35 /* slabs are halved below it; the middle ray has 0.71 or more */
 #define SPSI_SLAB_TEXELS 8    /* maximum thickness in light texels, if pixels are wide */
 
@@ -9159,7 +9159,7 @@ typedef struct spsi_sweep {
     const spsi_light *light; /* light whose sheets are swept; NULL: none */
     int first;               /* 1: also adds coverage, ambient light, emission, and lights without sheets */
     int back_to_front;
-    double cosine_of_light, cosine_of_eye; /* rays' minimum cosines to s */
+    double cosine_of_light, cosine_of_eye; /* minimum cos(ray, s) */
     int part[4];                           /* first column and row in the image, then their ends */
     spsi_rays eye;                         /* rays of this part */
     spsi_slabs slabs;
@@ -9517,7 +9517,7 @@ SPSI_COLD const spsi_light *spsi_sliced_light(const spsi_frame *frame, int n) {
     return NULL;
 }
 
-/* Number of shadowing lights in sweep n; the first sweep includes all without sheets. */
+/* Number of lights with shadows in sweep n; the first sweep includes all without sheets. */
 SPSI_COLD int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
     return (n < frame->lights.sliced_count) + (n == 0 ? frame->lights.shadow_count - frame->lights.sliced_count : 0);
 }
@@ -10026,7 +10026,7 @@ static void spsi_extent_range(const spsi_extent *e, int *first, int *last) {
     *last = spsi_imin(*last, (int)spsi_fmin(floorf((b + sqrtf(root > 0 ? root : 0)) / a), (float)SPSI_SIZE_MAX));
 }
 
-/* True if an ellipsoid reaches in front of the eye and between a range's end planes. */
+/* True if an ellipsoid is partly in front of the eye and between the end planes. */
 static int spsi_extent_meets(const spsi_extent *e, int first, int last) {
     const float ends[2] = {(float)first - 0.5f, (float)last + 0.5f};
     for (int i = 0; i < 2; ++i) {
@@ -12763,7 +12763,7 @@ typedef struct spsi_tile_fill {
     spsi_tile *tile;
     int column, row, touched;
     int summed;  /* particles in the sheets */
-    int carried; /* 1: earlier particles are in the sums behind the sheets */
+    int carried; /* 1: earlier particles are in the sums after the sheets */
 } spsi_tile_fill;
 
 static void spsi_tile_touch(spsi_tile_fill *fill) {
@@ -12771,7 +12771,7 @@ static void spsi_tile_touch(spsi_tile_fill *fill) {
     fill->touched = 1;
 }
 
-/* Empties the sheets into the sums behind them, since rounding would lose faint particles. */
+/* Empties the sheets into the sums after them, since rounding would lose faint particles. */
 static void spsi_tile_carry(spsi_tile_fill *fill) {
     const size_t floats = spsi_shape_floats(&fill->target->shape);
     float *sheets = fill->tile->sheets, *sums = sheets + floats;
@@ -13574,7 +13574,7 @@ static void spsi_insert_list(const spsi_map_tile *into, int x, int y, const spsi
     }
 }
 
-/* Inserts intervals starting at (x, y); depth must be 0 beyond the tile's edge. */
+/* Inserts intervals for texels from (x, y); depth must be 0 outside the tile. */
 static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_intervals *intervals) {
     const spsi_filling *filling = into->filling;
     const size_t at = (size_t)((y - into->y0) * into->width + (x - into->x0));
@@ -15423,9 +15423,9 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
    Cost: a pass per sheet and octave of kernel width. */
 
 #define SPSI_SPREAD_STEP 64 /* maximum step, in texels */
-/* Minimum optical depth that light has passed: below it, differences of X (>>scattering) are round-off. */
+/* Minimum optical depth light has traversed: below it, differences of X (>>scattering) are round-off. */
 #define SPSI_SPREAD_NEAR 0.02f
-/* A Henyey-Greenstein lobe has a peak of this weight, with mean squared sine SHARP (1 - g)^2, and a rest. */
+/* A Henyey-Greenstein lobe has a peak of this weight, with mean squared sine SHARP (1 - g)^2, and a remainder. */
 #define SPSI_SPREAD_PEAK  0.75f
 #define SPSI_SPREAD_SHARP 2.0f
 /* Extra path length relative to thickness, per unit of Q. */
@@ -15439,7 +15439,7 @@ typedef struct spsi_spread {
     int channels, sheet_count;
     int pitch;    /* texels per row, in whole vectors */
     size_t plane; /* floats of a plane: rows of all faces */
-    float *onward; /* per channel and plane: scattered irradiance, without color and falloff */
+    float *onward; /* per channel and plane: scattered irradiance, without color or falloff */
     float *flux;   /* received by media, see spsi_spread_keep */
     float *way;    /* `flux` times optical depth passed */
 } spsi_spread;
@@ -15640,7 +15640,7 @@ typedef struct spsi_spread_column {
     float *share, *moved[2]; /* moved fraction; light moved up and down */
 } spsi_spread_column;
 
-/* Moves light k texels to both sides, biased by `tilt`. */
+/* Moves light k texels to either side, biased by `tilt`. */
 static void spsi_spread_move(const spsi_spread_column *column, float *part, int k) {
     const ptrdiff_t step = (ptrdiff_t)k * SPSI_LANES, end = (ptrdiff_t)column->lines * SPSI_LANES;
     const float *tilt = column->light->tilt[column->side] + column->first;
@@ -16924,7 +16924,7 @@ static void spsi_cell_centre(const spsi_cell_grid *grid, int x, int y, int z, do
 /* --- one sweep --- */
 
 #define SPSI_CELL_PAD   spsi_imax(2, SPSI_LANES) /* floats between rows, for the radiance at both ends */
-#define SPSI_CELL_SWEPT 26                       /* maximum directions of one sweep */
+#define SPSI_CELL_SWEPT 26                       /* maximum directions per sweep */
 
 /* A sweep along +z or -z: directions of that sense, and 3 or 5 of the 8 with constant z. */
 typedef struct spsi_cell_sweep {
@@ -19288,7 +19288,7 @@ typedef struct spsi_slab {
     spsi_v depth;                  /* total optical depth */
     spsi_v part_depth[SPSI_SUBSLABS];
     spsi_v share[SPSI_GROUP_MOST]; /* fraction of `depth` in each slab of a group */
-    int filled;                    /* bit mask of slabs with matter; pairs have equal bits */
+    int filled;                    /* bit mask of non-empty slabs, set in pairs */
 } spsi_slab;
 
 typedef struct spsi_subslab {
@@ -22398,6 +22398,22 @@ static spsi_v spsi_cells_stop(const spsi_cell_level *level, const spsi_v before[
     return spsi_load(passes);
 }
 
+/* Adds `taken` of the sources of cells in columns x to each ray's sums. Vectors may read beyond a cell's terms. */
+static void spsi_cells_add_sources(const spsi_cell_level *level, spsi_v x, spsi_v row, spsi_v taken,
+                                   float sums[SPSI_LANES][SPSI_CELL_TERMS]) {
+    const int terms = level->solver->terms;
+    float column[SPSI_LANES], line[SPSI_LANES], share[SPSI_LANES];
+    spsi_store(column, x);
+    spsi_store(line, row);
+    spsi_store(share, taken);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const size_t at = (size_t)line[i] * (size_t)level->pitch + (size_t)column[i];
+        const float *source = level->moments[1] + at * (size_t)terms;
+        SPSI_ROLLED for (int t = 0; t < terms; t += SPSI_LANES)
+            spsi_store(sums[i] + t, spsi_fma(spsi_set(share[i]), spsi_load(source + t), spsi_load(sums[i] + t)));
+    }
+}
+
 /* Marches rays; units are cells. found[0]: radiance; the rest: single scattering per set, divided by the phase
    function. Steps are equal and at most 3/4 of an edge; longer ones make rays 3 % too bright beside dense media. */
 static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v from[3], const spsi_v way[3],
@@ -22408,12 +22424,14 @@ static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v fro
     const spsi_v step = spsi_div(length, count);
     const spsi_v back[3] = {spsi_sub(zero, way[0]), spsi_sub(zero, way[1]), spsi_sub(zero, way[2])};
     spsi_v through = one, harmonic[SPSI_CELL_TERMS], before[3] = {zero, zero, zero};
+    float sums[SPSI_LANES][SPSI_CELL_TERMS], of_term[SPSI_LANES];
     spsi_harmonics_v(back, solver->terms, harmonic);
+    memset(sums, 0, sizeof sums);
     for (int n = 0; n <= solver->set_count; ++n) found[n] = zero;
     for (float i = 0.5f;; i += 1) {
         const spsi_m on = spsi_and(spsi_less(spsi_set(i), count), spsi_less(spsi_set(1e-3f), through));
-        spsi_v at[3], row, depth, passes, taken, sent;
-        if (!spsi_bits(on)) return;
+        spsi_v at[3], row, depth, passes, taken;
+        if (!spsi_bits(on)) break;
         for (int k = 0; k < 3; ++k)
             at[k] = spsi_clamp(spsi_floor(spsi_fma(spsi_mul(way[k], step), spsi_set(i), from[k])), zero,
                                spsi_set((float)(level->size[k] - 1)));
@@ -22421,18 +22439,18 @@ static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v fro
         memcpy(before, at, sizeof before);
         row = spsi_fma(at[2], spsi_set((float)level->size[1]), at[1]);
         depth = spsi_mul(spsi_lookup(level->depth, level->pitch, at[0], row), step);
-        sent = spsi_lookup(level->sent, level->pitch, at[0], row);
-        SPSI_ROLLED for (int t = 1; t < solver->terms; ++t)
-            sent = spsi_fma(harmonic[t], spsi_lookup(level->sent + (size_t)t * level->count, level->pitch, at[0], row),
-                            sent);
         passes = spsi_exp(spsi_sub(zero, depth));
         taken = spsi_select(spsi_less(depth, spsi_set(1e-3f)), depth, spsi_sub(one, passes));
         taken = spsi_select(on, spsi_mul(through, taken), zero);
-        found[0] = spsi_fma(taken, sent, found[0]);
+        spsi_cells_add_sources(level, at[0], row, taken, sums);
         SPSI_ROLLED for (int n = 0; n < solver->set_count; ++n)
             found[1 + n] = spsi_fma(
                 taken, spsi_lookup(solver->single + (size_t)n * level->count, level->pitch, at[0], row), found[1 + n]);
         through = spsi_mul(through, passes);
+    }
+    for (int t = 0; t < solver->terms; ++t) {
+        for (int i = 0; i < SPSI_LANES; ++i) of_term[i] = sums[i][t];
+        found[0] = spsi_fma(harmonic[t], spsi_load(of_term), found[0]);
     }
 }
 
@@ -22526,11 +22544,17 @@ static void spsi_cell_patches_task(void *data, int patch) {
     }
 }
 
-/* Subtracts single scattering by peaked lobes, which patches send with the phase function itself. */
-SPSI_COLD void spsi_cells_single_task(void *data, int row) {
+/* Copies a row's sources to moments[1], terms adjacent, without single scattering by peaked lobes: patches send that by
+   the phase function itself. */
+static void spsi_cells_sources_task(void *data, int row) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
     const spsi_cell_level *level = &job->solver->levels[0];
+    for (int x = 0; x < grid->size[0]; ++x) {
+        const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
+        float *source = level->moments[1] + at * (size_t)grid->terms;
+        SPSI_ROLLED for (int t = 0; t < grid->terms; ++t) source[t] = level->sent[(size_t)t * grid->count + at];
+    }
     for (int i = 0; i < job->solver->set_count * grid->size[0]; ++i) {
         const int x = i % grid->size[0], set = i / grid->size[0], light = set / grid->peak_count;
         const int m = grid->peak_of[set % grid->peak_count];
@@ -22547,7 +22571,8 @@ SPSI_COLD void spsi_cells_single_task(void *data, int row) {
         spsi_normalise(travel);
         spsi_harmonics(travel, term);
         for (int t = 0; t < grid->terms; ++t)
-            level->moments[1][(size_t)t * grid->count + at] -= grid->lobes[m][spsi_term_degree(t)] * single * term[t];
+            level->moments[1][at * (size_t)grid->terms + (size_t)t] -=
+                grid->lobes[m][spsi_term_degree(t)] * single * term[t];
     }
 }
 
@@ -22556,7 +22581,7 @@ SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel) {
     spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
-    float *sent = spsi_cell_patches_sent(grid, channel), *all = level->sent;
+    float *sent = spsi_cell_patches_sent(grid, channel);
     double depth = 0, out = 0, found = 0, apart = 0;
     for (size_t at = 0; at < grid->count; ++at) {
         depth += (double)level->depth[at];
@@ -22564,13 +22589,8 @@ SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel) {
     }
     job->grid->thick[channel] = (float)(depth / ((double)grid->size[0] * grid->size[1] * grid->size[2]));
     memcpy(grid->flux + (size_t)channel * floats, level->moments[0], floats * sizeof(float));
-    if (job->solver->set_count > 0) {
-        memcpy(level->moments[1], all, (size_t)grid->terms * grid->count * sizeof(float));
-        spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_single_task, job);
-        level->sent = level->moments[1];
-    }
+    spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_sources_task, job);
     spsi_parallel_items(job->context, SPSI_CELL_SHEET, spsi_cell_patches_task, job);
-    level->sent = all;
     for (int n = 0; n < SPSI_CELL_SHEET; ++n) {
         const float area = grid->patches[3 * SPSI_CELL_SHEET + n];
         found += (double)(area * sent[n]);
@@ -22997,7 +23017,7 @@ typedef struct spsi_spread_job {
     spsi_spread *spread;
     int face, fine; /* fine: samples per texel side */
     spsi_sampling sheets;
-    spsi_light light; /* without area, falloff and cone */
+    spsi_light light; /* without area, falloff or cone */
     spsi_shadow shadow;
     spsi_rays rays; /* through the texels */
     spsi_shader shader;

@@ -16822,7 +16822,7 @@ SPSI_COLD size_t spsi_cell_stride(size_t cells) {
    fit. */
 typedef struct spsi_cell_rays {
     float out[3][SPSI_CELL_RAYS], weight[SPSI_CELL_RAYS];
-    float harmonic[SPSI_CELL_RAYS][SPSI_CELL_TERMS], fit[SPSI_CELL_RAYS][SPSI_CELL_TERMS];
+    float harmonic[SPSI_CELL_TERMS][SPSI_CELL_RAYS], fit[SPSI_CELL_TERMS][SPSI_CELL_RAYS];
 } spsi_cell_rays;
 
 typedef struct spsi_cell_solver {
@@ -17507,12 +17507,13 @@ static void spsi_cell_rays_build(spsi_cell_rays *rays) {
         const double s = 0.25 * (n % 8 + 0.5) - 1, t = 0.25 * (n / 8 + 0.5) - 1;
         double out[3] = {0.5 * (s + t), 0.5 * (s - t), 1 - 0.5 * (fabs(s + t) + fabs(s - t))};
         const double length = spsi_length(out), angle = 1 / (length * length * length);
-        float *harmonic = rays->harmonic[n];
+        float harmonic[SPSI_CELL_TERMS];
         spsi_normalise(out);
         spsi_harmonics(out, harmonic);
         rays->weight[n] = (float)(angle * out[2] / 32); /* the sum is pi */
         for (int k = 0; k < 3; ++k) rays->out[k][n] = (float)out[k];
         for (int i = 0; i < SPSI_CELL_TERMS; ++i) {
+            rays->harmonic[i][n] = harmonic[i];
             fit[i][n] = angle * (double)harmonic[i];
             for (int k = 0; k < SPSI_CELL_TERMS; ++k) matrix[i][k] += fit[i][n] * (double)harmonic[k];
         }
@@ -17524,7 +17525,7 @@ static void spsi_cell_rays_build(spsi_cell_rays *rays) {
             for (int n = 0; n < SPSI_CELL_RAYS; ++n) fit[k][n] -= share * fit[i][n];
         }
     for (int i = 0; i < SPSI_CELL_TERMS; ++i)
-        for (int n = 0; n < SPSI_CELL_RAYS; ++n) rays->fit[n][i] = (float)fit[i][n];
+        for (int n = 0; n < SPSI_CELL_RAYS; ++n) rays->fit[i][n] = (float)fit[i][n];
 }
 
 /* Approximate opacity of a uniform medium. */
@@ -22501,9 +22502,38 @@ static void spsi_cells_place_patches(const spsi_cell_job *job) {
     }
 }
 
+/* Fits harmonics to the ratio of seen and `taken` light, scaled to the seen flux. Values whose sign opposes the flux
+   count as 0, as in spsi_cell_patches_send. */
+static void spsi_cell_patch_fit(const spsi_cell_rays *rays, const float *seen, const float *taken, float *sent) {
+    float ratio[SPSI_CELL_RAYS], terms[SPSI_CELL_TERMS], flux, made;
+    spsi_v sum = spsi_set(0);
+    for (int n = 0; n < SPSI_CELL_RAYS; n += SPSI_LANES) {
+        spsi_store(ratio + n, spsi_div(spsi_load(seen + n), spsi_max(spsi_load(taken + n), spsi_set(FLT_MIN))));
+        sum = spsi_fma(spsi_load(rays->weight + n), spsi_load(seen + n), sum);
+    }
+    flux = (float)spsi_total(sum);
+    SPSI_ROLLED for (int t = 0; t < SPSI_CELL_TERMS; ++t) {
+        sum = spsi_set(0);
+        for (int n = 0; n < SPSI_CELL_RAYS; n += SPSI_LANES)
+            sum = spsi_fma(spsi_load(ratio + n), spsi_load(rays->fit[t] + n), sum);
+        terms[t] = (float)spsi_total(sum);
+    }
+    sum = spsi_set(0);
+    for (int n = 0; n < SPSI_CELL_RAYS; n += SPSI_LANES) {
+        spsi_v fitted = spsi_set(0);
+        SPSI_ROLLED for (int t = 0; t < SPSI_CELL_TERMS; ++t)
+            fitted = spsi_fma(spsi_set(flux > 0 ? terms[t] : -terms[t]), spsi_load(rays->harmonic[t] + n), fitted);
+        fitted = spsi_mul(spsi_load(taken + n), spsi_max(fitted, spsi_set(0)));
+        sum = spsi_fma(spsi_load(rays->weight + n), fitted, sum);
+    }
+    made = (float)spsi_total(sum);
+    sent[0] = flux;
+    for (int t = 0; t < SPSI_CELL_TERMS; ++t)
+        sent[(1 + t) * SPSI_CELL_SHEET] = made > 0 ? (float)SPSI_PI * terms[t] * (fabsf(flux) / made) : 0;
+}
+
 /* Light leaving a patch: pi times the radiance along rays from its centre. Dividing by a uniform medium's opacity
-   removes the grid's shape. The smooth ratio is stored as harmonics, scaled to the rays' flux. Values whose sign
-   opposes the flux count as 0, as in spsi_cell_patches_send. */
+   removes the grid's shape. */
 static void spsi_cell_patches_task(void *data, int patch) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
@@ -22526,22 +22556,7 @@ static void spsi_cell_patches_task(void *data, int patch) {
         spsi_cells_radiance(job->solver, from, way, length, found);
         SPSI_ROLLED for (int i = 0; i <= job->solver->set_count; ++i) spsi_store(seen[i] + n, found[i]);
     }
-    for (int i = 0; i <= job->solver->set_count; ++i, sent += set) {
-        float terms[SPSI_CELL_TERMS] = {0}, flux = 0, made = 0;
-        SPSI_ROLLED for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
-            const float ratio = seen[i][n] / spsi_fmax(taken[n], FLT_MIN);
-            flux += rays->weight[n] * seen[i][n];
-            for (int t = 0; t < SPSI_CELL_TERMS; ++t) terms[t] += ratio * rays->fit[n][t];
-        }
-        SPSI_ROLLED for (int n = 0; n < SPSI_CELL_RAYS; ++n) {
-            float ratio = 0;
-            for (int t = 0; t < SPSI_CELL_TERMS; ++t) ratio += terms[t] * rays->harmonic[n][t];
-            if ((ratio > 0) == (flux > 0)) made += rays->weight[n] * taken[n] * ratio;
-        }
-        sent[0] = flux;
-        for (int t = 0; t < SPSI_CELL_TERMS; ++t)
-            sent[(1 + t) * SPSI_CELL_SHEET] = fabsf(made) > 0 ? (float)SPSI_PI * terms[t] * (flux / made) : 0;
-    }
+    for (int i = 0; i <= job->solver->set_count; ++i) spsi_cell_patch_fit(rays, seen[i], taken, sent + i * set);
 }
 
 /* Copies a row's sources to moments[1], terms adjacent, without single scattering by peaked lobes: patches send that by

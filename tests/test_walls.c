@@ -363,7 +363,7 @@ static void test_polynomials(void) {
     for (int term = 0; term < SPSI_CELL_TERMS; ++term)
         for (int i = 0; i < SPSI_CELL_TERMS; ++i) {
             double sum = 0;
-            for (int n = 0; n < SPSI_CELL_RAYS; ++n) sum += (double)(rays.fit[n][i] * rays.harmonic[n][term]);
+            for (int n = 0; n < SPSI_CELL_RAYS; ++n) sum += (double)(rays.fit[i][n] * rays.harmonic[term][n]);
             CHECK_NEAR(sum, i == term, 5e-4);
         }
 }

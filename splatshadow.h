@@ -6356,12 +6356,15 @@ SPSI_COLD sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *fr
     for (size_t first = 0; first < mesh->given.triangle_count; first += SPSI_TRIANGLE_BATCH) {
         const size_t left = mesh->given.triangle_count - first,
                      count = left < SPSI_TRIANGLE_BATCH ? left : SPSI_TRIANGLE_BATCH;
+        int failed;
         if (first % SPSI_TICK_TRIANGLES == 0 && spsi_progress(context, 0)) return context->result;
         memset(triangles, 0, count * sizeof(sps_triangle));
         context->stats.triangle_calls += 1;
-        if (spsi_check_call(context, SPS_OBJECT_MESH, mesh->index, "read_fn",
-                            mesh->given.read_fn(mesh->given.user, first, count, triangles)))
-            return context->result;
+        failed = mesh->given.read_fn(mesh->given.user, first, count, triangles);
+        if (failed == 3 && mesh->given.read_fn == sps_indexed_mesh_read)
+            return spsi_fail_that(context, SPS_ERROR_CALLBACK, SPS_OBJECT_MESH, mesh->index, "read_fn", failed,
+                                  "failed: it returned 3, since an index is not below vertex_count");
+        if (spsi_check_call(context, SPS_OBJECT_MESH, mesh->index, "read_fn", failed)) return context->result;
         for (size_t i = 0; i < count; ++i) {
             double world[3][3];
             for (int k = 0; k < 3; ++k) spsi_to_world(&mesh->given.placement, triangles[i].position[k], world[k]);
@@ -6849,6 +6852,7 @@ typedef struct spsi_layer_scratch {
 } spsi_layer_scratch;
 
 typedef struct spsi_layers_job {
+    const sps_context *context; /* NULL: runs to the end although cancelled */
     const spsi_frame *frame;
     const spsi_faces *faces;
     const spsi_rays *rays; /* pixels */
@@ -7075,6 +7079,7 @@ static void spsi_layers_task(void *data, int index, int worker) {
     const int bottom = spsi_imin(eye->height, top + SPSI_LAYER_ROWS) - 1;
     spsi_raster raster = job->raster;
     spsi_layer_scratch scratch;
+    if (job->context && job->context->cancelled) return;
     spsi_layer_scratch_of(job, worker, &scratch);
     memset(scratch.masks, 0, (size_t)eye->width * (sizeof *scratch.masks + sizeof *scratch.sums));
     raster.depths = scratch.depths;
@@ -7284,6 +7289,7 @@ SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *f
     memset(layers, 0, sizeof *layers);
     if (!spsi_has_layers(frame)) return SPS_OK;
     memset(&job, 0, sizeof job);
+    job.context = context;
     job.frame = frame;
     job.faces = faces;
     job.rays = eye;
@@ -7297,10 +7303,12 @@ SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *f
     job.first = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_LAYER_STARTS, spsi_ray_count(eye) + 2, sizeof *job.first);
     if (!job.scratch || !job.first) return context->result; /* further sizes depend on visibility and are not planned */
     layers->count = spsi_fragments_count(context, &job);
+    if (spsi_progress(context, 0)) return context->result;
     job.fragments = (spsi_fragment *)spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, layers->count, sizeof *job.fragments);
     job.layers = (spsi_layer *)spsi_reserve(context, SPSI_BUFFER_LAYERS, layers->count, sizeof *job.layers);
     if (!job.fragments || !job.layers) return context->result;
     spsi_fragments_pass(context, &job, 1);
+    if (spsi_progress(context, 0)) return context->result;
     spsi_parallel_batches(context, (int)spsi_ray_count(eye), spsi_layers_resolve_task, &job);
     layers->first = job.first;
     layers->list = job.layers;
@@ -9468,7 +9476,8 @@ SPSI_COLD sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *fram
     const double count = spsi_slabs_place(frame, rays, light, edge, least, slabs);
     if (!(count <= SPSI_SLABS_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, frame->viewer, -1, "slab_thickness",
-                               frame->view.slab_thickness, "it makes more than 2^20 slabs");
+                               frame->view.slab_thickness,
+                               "it makes more than 2^20 slabs: it is too small, or something is too large or far away");
     slabs->count = spsi_imax(1, (int)count);
     return SPS_OK;
 }
@@ -12429,8 +12438,9 @@ static int spsi_target_judge(spsi_target *target, int i) {
     const int keeps = target->kind == SPSI_TARGET_SAMPLES && !material->table;
     const float scale = target->kind < SPSI_TARGET_MAP || material->table ? 1 : material->extinction;
     const double cut = looks ? frame->accuracy.light_cut : frame->accuracy.cut;
+    const int small_picture = target->kind >= SPSI_TARGET_MAP && frame->content->levels[i] > 0;
     const spsi_sample_pattern pattern =
-        looks || target->kind == SPSI_TARGET_SHEETS ? SPSI_SAMPLER_SHEETS : SPSI_SAMPLER_PIXELS;
+        looks || small_picture || target->kind == SPSI_TARGET_SHEETS ? SPSI_SAMPLER_SHEETS : SPSI_SAMPLER_PIXELS;
     spsi_splatter *splatter = &target->splatters[i];
     if (!spsi_splatter_build(&frame->lattices[i], target->rays, target->slabs, scale, cut, splatter)) return 0;
     splatter->sign = target->crossing.sign;
@@ -12925,7 +12935,7 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
     spsi_tile_gather_level(fill, medium, patches, here);
     if (!(next.mix > 0)) return;
     const int fewest = here.fields->taps == 4 ? 3 : 2;
-    const int one = target->kind == SPSI_TARGET_SHEETS && here.least >= (float)SPSI_SAMPLER_VARIANCE;
+    const int one = target->kind >= SPSI_TARGET_MAP && here.least >= (float)SPSI_SAMPLER_VARIANCE;
     int side = one ? 1 : spsi_imax(here.side, fewest);
     while (side > fewest && here.least * (float)((side - 1) * (side - 1)) >= (float)SPSI_SAMPLER_LONE) --side;
     spsi_sampler_build(here.fields, &target->frame->lattices[medium], target->rays, target->slabs, here.level + 1,
@@ -27158,7 +27168,8 @@ static sps_result spsi_refuse(sps_context *context) {
     context->within = 2;
     context->result = SPS_OK;
     return spsi_fail(context, SPS_ERROR_CALLBACK,
-                     "a callback called into its own context, or threw or jumped out of an earlier call (destroy it)");
+                     "a callback called into its own context; or one threw or jumped out of an earlier call, after "
+                     "which the context can only be destroyed");
 }
 
 /* Clears the error, and all statistics but bytes. Returns an error if the call is refused. */

@@ -396,10 +396,12 @@ static void test_mesh_of_arrays(void) {
     CHECK_NEAR((double)image[0], 0.5 / 3.14159265358979 * 3, 5 * 6e-8 * 0.5);
     indices[5] = 4;
     CHECK(sps_render(context, &s.scene, &s.view, &target) == SPS_ERROR_CALLBACK);
-    CHECK(strcmp(sps_error(context), "mesh[0].read_fn failed: it returned 3") == 0);
+    CHECK(strcmp(sps_error(context),
+                 "mesh[0].read_fn failed: it returned 3, since an index is not below vertex_count") == 0);
     s.mesh[1] = s.mesh[0], s.mesh[0].triangle_count = 0, s.scene.mesh_count = 2; /* behind an empty one */
     CHECK(sps_render(context, &s.scene, &s.view, &target) == SPS_ERROR_CALLBACK);
-    CHECK(strcmp(sps_error(context), "mesh[1].read_fn failed: it returned 3") == 0);
+    CHECK(strcmp(sps_error(context),
+                 "mesh[1].read_fn failed: it returned 3, since an index is not below vertex_count") == 0);
     sps_destroy(context);
 }
 

@@ -107,8 +107,9 @@ int main(int argc, char **argv) {
     if (render(context, &scene, &view, direct, "first frame")) return 1;
     view.camera.position[0] = 0.6; /* only the camera moves */
     if (render(context, &scene, &view, direct, "camera moved")) return 1;
-    sps_view preview = view; /* of the same quality, for which the tables were made */
+    sps_view preview = view;
     preview.width = WIDTH / 8, preview.height = HEIGHT / 8;
+    preview.shadow_resolution = 64; /* of the tables, which a small picture makes anew */
     if (render(context, &scene, &preview, direct, "preview")) return 1;
 
     if (render_parts(context, &scene, &view, &m)) return 1;

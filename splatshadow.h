@@ -1080,7 +1080,8 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPS_CLOCK() ((double)clock() / CLOCKS_PER_SEC)
 #endif
 
-/* Compiling cold functions for size saves a quarter of the compile time. */
+/* Compiling cold functions for size saves a quarter of the compile time. GCC also compiles for size any function that
+   begins by calling a cold one, so hot ones must not. */
 #ifdef __GNUC__
 #define SPSI_COLD static __attribute__((cold))
 #define SPSI_NOINLINE static __attribute__((noinline)) /* keeps compilers from unrolling each inlined copy of a loop */
@@ -24858,7 +24859,7 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
     spsi_plan_pass(report, SPS_PASS_EYE_SHEETS, gases ? sweeps + report->pass[SPS_PASS_EYE_SHEETS].runs : 0,
                    sweeps == 1 ? "volumes or particles are visible, one sweep"
                    : frame->lights.sliced_count > 0
-                       ? "volumes or particles are visible, one sweep for each light that shades by sheets"
+                       ? "volumes or particles are visible, one sweep for each light with sheets"
                        : "volumes or particles are visible, one sweep for each part of an image too wide for one",
                    "no visible volume or particle");
     spsi_plan_shadow_passes(frame, gases, report);
@@ -25065,7 +25066,7 @@ typedef struct spsi_enclosure {
 typedef struct spsi_shade {
     spsi_enclosure depth;
     double way;                                              /* length within the medium's bounds */
-    double half[SPSI_VOLUMES_MAX], middle[SPSI_VOLUMES_MAX]; /* for bounds: nearby voxels' middle +- half, integrated */
+    double half[SPSI_VOLUMES_MAX], middle[SPSI_VOLUMES_MAX]; /* bounds: nearby voxels' middle +- half, integrated */
 } spsi_shade;
 
 /* A pixel's ray. Without bounds, enclosures have zero width. */
@@ -25095,7 +25096,7 @@ typedef struct spsi_marcher {
     int forward;          /* 1: forward multiple scattering, in closed form */
     double step;          /* maximum, in world units */
     spsi_bounds bounds;
-    int light_count;      /* for bounds: 0 if no volume scatters */
+    int light_count;      /* 0 for bounds without a scattering volume */
     float *total;         /* spsi_total_floats per pixel of the region */
     int first_row;        /* batch's first row, in the region */
     spsi_walker *walkers; /* per pixel of the region */

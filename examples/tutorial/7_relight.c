@@ -109,7 +109,7 @@ int main(int argc, char **argv) {
     if (render(context, &scene, &view, direct, "camera moved")) return 1;
     sps_view preview = view;
     preview.width = WIDTH / 8, preview.height = HEIGHT / 8;
-    preview.shadow_resolution = 64; /* of the tables, which a small picture makes anew */
+    preview.shadow_resolution = 64; /* a preview makes its own tables: keep them small */
     if (render(context, &scene, &preview, direct, "preview")) return 1;
 
     if (render_parts(context, &scene, &view, &m)) return 1;

@@ -247,18 +247,19 @@ typedef struct sps_lobe {
     float weight;    /* > 0; weights are divided by their sum */
 } sps_lobe;
 
-/* A transfer function maps values to albedo and extinction, piecewise linearly between points and constant beyond, or
-   by callback. Tabulated in 2048 entries over 0..value_max. Value 0 (everything outside the data) is always empty. */
+/* A transfer function maps values to an appearance, piecewise linearly between points and constant beyond, or by
+   callback. Tabulated in 2048 entries over 0..value_max. Value 0 (everything outside the data) is always empty. */
 typedef struct sps_transfer_point {
     float value;      /* >= 0; strictly increasing from point to point */
     float albedo[3];  /* albedo (gas) or reflectance (surface), 0..1 */
     float extinction; /* per world unit, >= 0 */
+    float emission[3]; /* radiance per world unit, >= 0; not multiplied by the value */
 } sps_transfer_point;
 
 typedef struct sps_transfer {
     const sps_transfer_point *points; /* NULL with point_count 0: use eval_fn */
     int point_count;
-    /* Writes albedo and extinction for `count` values. */
+    /* Writes the appearance of `count` values; `out` arrives zeroed. */
     int (*eval_fn)(void *user, size_t count, const float *values, sps_transfer_point *out);
     void *user;
     float value_max; /* largest value of interest; 0 means the last point's value, or 1 with eval_fn */
@@ -1710,6 +1711,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_FRAME,   /* >>scene */
     SPSI_BUFFER_CONTENT, /* >>scene */
     SPSI_BUFFER_TABLES,
+    SPSI_BUFFER_GLOW_TABLES, /* classified emission, >>transfer */
     SPSI_BUFFER_MESHES,
     SPSI_BUFFER_LIGHTS,
     SPSI_BUFFER_LIGHT_POINTS, /* sample points of area lights */
@@ -1786,6 +1788,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_ROW,      /* background directions, colors */
     SPSI_BUFFER_MARCHER,  /* >>reference */
     SPSI_BUFFER_EMISSION, /* emitters of paths */
+    SPSI_BUFFER_EMISSION_MEANS, /* classified emission of voxels, for paths */
     SPSI_BUFFER_WALKERS,
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
@@ -2669,14 +2672,16 @@ static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) 
 
 /* ============================================================================================= >>transfer
    7  Materials. A medium scatters albedo * extinction * value by Henyey-Greenstein lobes; a transfer function maps
-   values to albedo and extinction. */
+   values to albedo, extinction and emission. */
 
 #define SPSI_TABLE_SIZE 2048
 
 typedef struct spsi_table {
     float entry[SPSI_TABLE_SIZE + 1][4]; /* red, green, blue, extinction */
-    float last_clear;                    /* index of the last entry before the first with extinction */
+    float last_clear;                    /* index of the last entry before the first that shows */
 } spsi_table;
+
+typedef float spsi_glow_table[SPSI_TABLE_SIZE + 1][4]; /* emission: red, green, blue, 0 */
 
 #define SPSI_FORWARD_SIZE   32
 #define SPSI_FORWARD_LEVELS 9
@@ -2693,6 +2698,7 @@ typedef struct spsi_material {
     sps_lobe lobes[SPSI_LOBES_MAX]; /* weights sum to 1 */
     int lobe_count;
     spsi_table *table; /* NULL: gas */
+    spsi_glow_table *glow; /* classified emission; NULL: none */
     float table_scale; /* entries per unit of value */
     sps_shading shading;
     float gradient_scale; /* 1 / gradient_full */
@@ -2742,7 +2748,7 @@ SPSI_COLD double spsi_phase_peak(const spsi_material *material, int orders) {
     return peak;
 }
 
-/* Lanes that may have extinction; most transfer functions hide small values. */
+/* Lanes that may show; most transfer functions hide small values. */
 static inline spsi_m spsi_may_show(const spsi_material *material, spsi_v value) {
     return spsi_less(spsi_set(material->table->last_clear), spsi_mul(value, spsi_set(material->table_scale)));
 }
@@ -2783,11 +2789,36 @@ static inline void spsi_classify(const spsi_material *material, spsi_v value, sp
     out[3] = spsi_select(spsi_less(spsi_set(0), value), out[3], spsi_set(0));
 }
 
+/* Emission per world unit. */
+static inline void spsi_classify_emission(const spsi_material *material, spsi_v value, spsi_v out[3]) {
+    spsi_v beyond, low[4], high[4];
+    const spsi_v entry = spsi_table_entry(material, value, &beyond);
+    spsi_lookup_four((*material->glow)[0], entry, low);
+    spsi_lookup_four((*material->glow)[1], entry, high);
+    for (int c = 0; c < 3; ++c)
+        out[c] = spsi_select(spsi_less(spsi_set(0), value), spsi_mix(low[c], high[c], beyond), spsi_set(0));
+}
+
+/* The same for one value, and the mean of the channels. Emission of a gas is proportional to its value. */
+static void spsi_emission_at_value(const spsi_material *material, double value, double out[4]) {
+    const float *last = NULL;
+    double at = 0;
+    if (material->glow) {
+        at = spsi_dmin(value * (double)material->table_scale, SPSI_TABLE_SIZE);
+        last = (*material->glow)[spsi_imin((int)at, SPSI_TABLE_SIZE - 1)];
+        at -= spsi_imin((int)at, SPSI_TABLE_SIZE - 1);
+    }
+    for (int c = 0; c < 3; ++c) out[c] = last ? (double)last[c] : value * (double)material->emission[c];
+    for (int c = 0; c < 3 && last; ++c) out[c] = value > 0 ? out[c] + at * ((double)last[c + 4] - out[c]) : 0;
+    out[3] = (out[0] + out[1] + out[2]) / 3;
+}
+
 /* Checks points[i], or eval_fn's result if i < 0. */
 SPSI_COLD sps_result spsi_transfer_check_point(const spsi_subject *at, const sps_transfer_point *point, int i,
                                                float value) {
-    const float *bad = spsi_bad_color(point->albedo, 1);
-    const char *member = bad ? "albedo" : "extinction";
+    const float *color = spsi_bad_color(point->albedo, 1), *glow = spsi_bad_color(point->emission, SPSI_VALUE_MAX);
+    const float *bad = color ? color : glow;
+    const char *member = color ? "albedo" : glow ? "emission" : "extinction";
     char field[48];
     if (!bad && point->extinction >= 0 && point->extinction <= SPSI_VALUE_MAX) return SPS_OK;
     if (i < 0)
@@ -2795,7 +2826,9 @@ SPSI_COLD sps_result spsi_transfer_check_point(const spsi_subject *at, const sps
     else
         SPS_SNPRINTF(field, sizeof field, "points[%d].%s", i, member);
     return spsi_wrong(at, field, (double)(bad ? *bad : point->extinction),
-                      bad ? "red, green and blue must be 0..1" : "it must be 0..1e18");
+                      color  ? "red, green and blue must be 0..1"
+                      : glow ? "red, green and blue must be 0..1e18"
+                             : "it must be 0..1e18");
 }
 
 SPSI_COLD void spsi_transfer_at_points(const sps_transfer *transfer, float value, sps_transfer_point *out) {
@@ -2809,6 +2842,8 @@ SPSI_COLD void spsi_transfer_at_points(const sps_transfer *transfer, float value
     t = t < 0 ? 0 : t > 1 ? 1 : t;
     for (int c = 0; c < 3; ++c)
         out->albedo[c] = points[low].albedo[c] + t * (points[high].albedo[c] - points[low].albedo[c]);
+    for (int c = 0; c < 3; ++c)
+        out->emission[c] = points[low].emission[c] + t * (points[high].emission[c] - points[low].emission[c]);
     out->extinction = points[low].extinction + t * (points[high].extinction - points[low].extinction);
 }
 
@@ -2832,6 +2867,30 @@ SPSI_COLD sps_result spsi_transfer_check(const spsi_subject *at, const sps_trans
     return SPS_OK;
 }
 
+/* True if there may be emission; eval_fn tells only when called. */
+SPSI_COLD int spsi_transfer_may_emit(const sps_transfer *transfer) {
+    int emits = transfer->points == NULL;
+    for (int i = 0; i < transfer->point_count && transfer->points; ++i)
+        emits |= !spsi_black(transfer->points[i].emission);
+    return emits;
+}
+
+/* Stores entry i of the material's tables. */
+SPSI_COLD void spsi_transfer_store(const sps_transfer_point *point, int i, spsi_material *material) {
+    float *entry = material->table->entry[i];
+    memcpy(entry, point->albedo, 3 * sizeof *entry);
+    entry[3] = point->extinction;
+    if (material->glow) {
+        memcpy((*material->glow)[i], point->emission, sizeof point->emission);
+        (*material->glow)[i][3] = 0;
+        material->emits |= !spsi_black(point->emission);
+    }
+    material->extinguishes |= entry[3] > 0;
+    if (!material->extinguishes && !material->emits) material->table->last_clear = (float)i;
+    material->scatters |= entry[3] > 0 && !spsi_black(entry);
+}
+
+/* The material's tables must be set. */
 SPSI_COLD sps_result spsi_transfer_tabulate(sps_context *context, const sps_transfer *transfer, int volume,
                                             spsi_material *material) {
     enum { BATCH = 64 };
@@ -2854,21 +2913,18 @@ SPSI_COLD sps_result spsi_transfer_tabulate(sps_context *context, const sps_tran
                                                  transfer->eval_fn(transfer->user, (size_t)count, values, points)))
             return context->result;
         for (int i = 0; i < count; ++i) {
-            float *entry = material->table->entry[first + i];
             if (!transfer->points && spsi_transfer_check_point(&at, &points[i], -1, values[i])) return context->result;
-            memcpy(entry, points[i].albedo, 3 * sizeof *entry);
-            entry[3] = points[i].extinction;
-            material->extinguishes |= entry[3] > 0;
-            if (!material->extinguishes) material->table->last_clear = (float)(first + i);
-            material->scatters |= entry[3] > 0 && !spsi_black(entry);
+            spsi_transfer_store(&points[i], first + i, material);
         }
     }
+    if (!material->emits) material->glow = NULL;
     return SPS_OK;
 }
 
-/* True if any value up to `high` may have extinction. */
+/* True if any value up to `high` may have extinction or emission. */
 static int spsi_transfer_shows(const spsi_material *material, float high) {
-    return material->extinguishes && high * material->table_scale >= material->table->last_clear;
+    return (material->extinguishes || material->emits) &&
+           high * material->table_scale >= material->table->last_clear;
 }
 
 /* ======================================================================================== >>transmittance
@@ -4642,7 +4698,7 @@ SPSI_COLD int spsi_take_material(spsi_frame *frame, const spsi_material *materia
 }
 
 SPSI_COLD sps_result spsi_add_material(sps_context *context, spsi_frame *frame, spsi_medium *medium,
-                                       spsi_table *table) {
+                                       spsi_table *table, spsi_glow_table *glow) {
     const sps_volume *volume = &medium->given;
     spsi_material material;
     memset(&material, 0, sizeof material);
@@ -4650,6 +4706,7 @@ SPSI_COLD sps_result spsi_add_material(sps_context *context, spsi_frame *frame, 
     if (volume->transfer) {
         frame->matter.classifies = 1;
         material.table = table;
+        material.glow = spsi_transfer_may_emit(volume->transfer) ? glow : NULL;
         material.shading = volume->shading;
         material.gradient_scale =
             1 / spsi_fmax(volume->gradient_full > 0 ? volume->gradient_full : 0.05f, SPSI_VALUE_MIN);
@@ -4705,15 +4762,18 @@ static int spsi_volume_shows(const sps_volume *volume) {
 }
 
 SPSI_COLD sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
-    size_t classified = 0;
+    size_t classified = 0, glowing = 0;
     for (int i = 0; i < scene->volume_count; ++i) {
         const sps_volume *volume = &scene->volumes[i];
         if (!spsi_volume_shows(volume)) continue;
         classified += volume->transfer != NULL;
+        glowing += volume->transfer && spsi_transfer_may_emit(volume->transfer);
         frame->matter.light_channel_count |= !volume->transfer; /* channel 0: unclassified */
     }
     spsi_table *table = (spsi_table *)spsi_reserve(context, SPSI_BUFFER_TABLES, classified, sizeof(spsi_table));
-    if (!table) return context->result;
+    spsi_glow_table *glow =
+        (spsi_glow_table *)spsi_reserve(context, SPSI_BUFFER_GLOW_TABLES, glowing, sizeof(spsi_glow_table));
+    if (!table || !glow) return context->result;
     for (int i = 0; i < scene->volume_count; ++i) {
         const sps_volume *volume = &scene->volumes[i];
         spsi_medium *medium = &frame->media[frame->medium_count];
@@ -4723,9 +4783,10 @@ SPSI_COLD sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *fram
                                    scene->volume_count, "at most 64 volumes may hold voxels");
         spsi_medium_build(volume, i, &frame->lattices[frame->medium_count], medium);
         medium->lattice->medium = frame->medium_count++;
-        if (spsi_medium_place(context, volume, medium) || spsi_add_material(context, frame, medium, table))
+        if (spsi_medium_place(context, volume, medium) || spsi_add_material(context, frame, medium, table, glow))
             return context->result;
         table += volume->transfer != NULL;
+        glow += volume->transfer && spsi_transfer_may_emit(volume->transfer);
         spsi_medium_bounds(medium, SPSI_REACH, &frame->content->bounds);
     }
     return SPS_OK;
@@ -4985,6 +5046,7 @@ SPSI_COLD int spsi_count_channels(const spsi_frame *frame) {
         const spsi_material *material = &frame->matter.materials[i];
         grey &= spsi_grey(material->albedo) && spsi_grey(material->emission) && spsi_grey(material->ambient);
         for (int k = 0; k <= SPSI_TABLE_SIZE && material->table; ++k) grey &= spsi_grey(material->table->entry[k]);
+        for (int k = 0; k <= SPSI_TABLE_SIZE && material->glow; ++k) grey &= spsi_grey((*material->glow)[k]);
     }
     return grey ? 1 : 3;
 }
@@ -5289,7 +5351,7 @@ static int spsi_block_mark(spsi_voxels *voxels) {
     const spsi_v least = spsi_set(SPSI_VALUE_MIN);
     const float *values = voxels->values;
     uint64_t any = 0;
-    if (material->table && !material->extinguishes) return 0;
+    if (material->table && !material->extinguishes && !material->emits) return 0;
     SPSI_ROLLED for (int row = 0; row < rows; ++row, values += width) {
         uint64_t faint = 0, hidden = 0;
         SPSI_ROLLED for (int x = 0; x < width; x += SPSI_LANES) {
@@ -18070,21 +18132,23 @@ static int spsi_emitter_blocks(const sps_context *context, const spsi_frame *fra
     }
 }
 
-/* Sums over voxels, in voxel coordinates. */
+/* Sums over voxels, in voxel coordinates, weighted by values; by mean emission if that is classified. */
 typedef struct spsi_emitter_sum {
-    double value, place[3], square[3];
+    double value, place[3], square[3], sent[3]; /* sent: classified emission */
 } spsi_emitter_sum;
 
-static void spsi_emitter_sum_brick(const sps_context *context, const spsi_brick *brick, int edge,
-                                   spsi_emitter_sum *sums) {
+static void spsi_emitter_sum_brick(const sps_context *context, const spsi_material *material, const spsi_brick *brick,
+                                   int edge, spsi_emitter_sum *sums) {
     const spsi_segment *segment = spsi_segment_at(context, brick->segment);
     const int side = SPSI_BRICK / edge;
     for (int i = brick->first; i < brick->first + brick->count; ++i) {
-        const double value = (double)segment->value[i];
+        double value = (double)segment->value[i], sent[4] = {0, 0, 0, 0};
         int own = 0;
+        if (material->glow) spsi_emission_at_value(material, value, sent), value = sent[3];
         for (int k = 2; k >= 0; --k) own = own * side + spsi_segment_step(segment, i, k) / edge;
         spsi_emitter_sum *sum = &sums[own];
         sum->value += value;
+        for (int k = 0; k < 3; ++k) sum->sent[k] += sent[k];
         for (int k = 0; k < 3; ++k) {
             const double place = brick->base[k] + spsi_segment_step(segment, i, k);
             sum->place[k] += value * place;
@@ -18113,18 +18177,20 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
                                     int edge, spsi_flights *flights, spsi_tree_item *items) {
     const spsi_lattice *lattice = &frame->lattices[brick->lattice];
     const int m = frame->media[lattice->medium].channel;
+    const spsi_material *material = &frame->matter.materials[m];
     const double amount = lattice->voxel_volume * (1 - (double)frame->content->flies[m]);
     const int count = (SPSI_BRICK / edge) * (SPSI_BRICK / edge) * (SPSI_BRICK / edge);
     spsi_emitter_sum sums[SPSI_BRICK * SPSI_BRICK * SPSI_BRICK];
     spsi_emitter like;
     memset(&like, 0, sizeof like);
-    memcpy(like.sent, frame->matter.materials[m].emission, sizeof like.sent);
+    memcpy(like.sent, material->emission, sizeof like.sent);
     memset(sums, 0, (size_t)count * sizeof *sums);
-    spsi_emitter_sum_brick(context, brick, edge, sums);
+    spsi_emitter_sum_brick(context, material, brick, edge, sums);
     for (int n = 0; n < count && amount > 0; ++n) {
         double point[3];
         if (!(sums[n].value > 0)) continue;
         spsi_emitter_sum_sphere(lattice, &sums[n], point, &like);
+        for (int c = 0; c < 3 && material->glow; ++c) like.sent[c] = (float)(sums[n].sent[c] / sums[n].value);
         spsi_emitters_add(flights, point, sums[n].value * amount, -1, &like, items);
     }
 }
@@ -18206,7 +18272,7 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
         const double width = spsi_bounds_longest(&bounds[i]);
         const double dense = spsi_dmin(2 * width * (double)top[i] * (double)material->extinction, 1);
-        if (top[i] > 0 && material->emits)
+        if (top[i] > 0 && material->emits && !material->glow)
             frame->content->flies[frame->media[i].channel] =
                 (float)spsi_dmin(dense * spsi_dmax(0, 2 - width / (6 * edge)), 1);
     }
@@ -18353,7 +18419,7 @@ static void spsi_emitters_list(const sps_context *context, const spsi_frame *fra
         if (!frame->matter.materials[m].emits) continue;
         spsi_emitters_add_brick(context, frame, &bricks[i], blocks, flights, items[SPSI_FLIGHTS_EMISSION]);
         if (!(frame->content->flies[m] > 0)) continue;
-        spsi_emitter_sum_brick(context, &bricks[i], SPSI_BRICK, &whole);
+        spsi_emitter_sum_brick(context, &frame->matter.materials[m], &bricks[i], SPSI_BRICK, &whole);
         if (i + 1 < context->brick_count && bricks[i + 1].lattice == bricks[i].lattice) continue;
         spsi_emitters_add_volume(frame, lattice, &whole, flights + 1, items[SPSI_FLIGHTS_BEAMS]);
         memset(&whole, 0, sizeof whole);
@@ -19229,7 +19295,8 @@ typedef struct spsi_gathered {
 /* One material in a part. */
 typedef struct spsi_sample {
     spsi_v depth;        /* optical depth */
-    spsi_v value_length; /* integral of value over world length */
+    spsi_v value_length; /* integral of value over world length; with `glow`, that length */
+    spsi_v glow[3];      /* classified emission per length; unset without any */
     spsi_v color[3];     /* albedo or reflectance */
     spsi_v surface;      /* 0: medium .. 1: surface */
     spsi_v normal[3];    /* unit vector */
@@ -19357,6 +19424,10 @@ static void spsi_samples_gradient(const spsi_shader *shader, const spsi_sampler 
     }
 }
 
+static inline spsi_v spsi_sample_emission(const spsi_material *material, const spsi_sample *sample, int c) {
+    return spsi_mul(sample->value_length, material->glow ? sample->glow[c] : spsi_set(material->emission[c]));
+}
+
 static void spsi_samples_gas(const spsi_material *material, spsi_v value_length, int channel, spsi_slab *slab) {
     const spsi_v sum = spsi_mul(value_length, spsi_set(1.0f / (float)slab->part_count));
     for (int part = 0; part < slab->part_count; ++part) {
@@ -19391,6 +19462,10 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         if (spsi_any_shown(material, value)) spsi_classify(material, value, appearance);
         sample->has_normal = 0;
         sample->surface = sample->value_length = zero;
+        if (material->glow) {
+            spsi_classify_emission(material, value, sample->glow);
+            sample->value_length = way;
+        }
         sample->depth = spsi_min(spsi_mul(appearance[3], way), spsi_set(SPSI_DEPTH_MAX));
         for (int c = 0; c < 3; ++c) sample->color[c] = appearance[c];
         slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
@@ -20019,7 +20094,7 @@ static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels
         const spsi_v behind = spsi_select(blocked, zero, spsi_set(frame->given.ambient[c]));
         spsi_v sent = spsi_mul(gas, spsi_mul(light, seen));
         if (peak > 0) {
-            const spsi_v emitted = spsi_mul(sample->value_length, spsi_set(material->emission[c]));
+            const spsi_v emitted = spsi_sample_emission(material, sample, c);
             sent = spsi_fma(spsi_mul(gas, behind), spsi_sub(straight, spsi_mul(scale, seen)), sent);
             const spsi_v more = spsi_mul(spsi_set(grid->swept[m]), spsi_sub(seen, straight));
             sent = spsi_fma(spsi_min(emitted, spsi_set(SPSI_RADIANCE_MAX)), more, sent);
@@ -20073,7 +20148,7 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
             if (material->scatters && shader->frame->has_ambient)
                 sent = spsi_mul(spsi_mul(spsi_mul(sample->depth, share), sample->color[c]),
                                 spsi_set(material->ambient[c]));
-            if (material->emits) sent = spsi_fma(sample->value_length, spsi_set(material->emission[c]), sent);
+            if (material->emits) sent = spsi_add(spsi_sample_emission(material, sample, c), sent);
             into->once[c] = spsi_fma(spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)), mean, into->once[c]);
         }
     }
@@ -21326,6 +21401,8 @@ static void spsi_cell_sample_at(const spsi_material *material, spsi_v sum, const
         sample->depth = spsi_min(spsi_mul(look[3], length), most);
         for (int c = 0; c < 3; ++c) sample->scattered[c] = spsi_mul(sample->depth, look[c]);
         for (int c = 0; c < 3; ++c) sample->emitted[c] = spsi_set(0);
+        if (material->glow) spsi_classify_emission(material, spsi_mul(sum, slabs->count), sample->emitted);
+        for (int c = 0; c < 3; ++c) sample->emitted[c] = spsi_mul(sample->emitted[c], length);
         return;
     }
     sum = spsi_mul(sum, slabs->length);
@@ -22767,6 +22844,7 @@ static uint64_t spsi_scattered_fingerprint(const sps_context *context, const sps
         const spsi_material *material = &frame->matter.materials[m];
         hash = spsi_fingerprint(hash, material->albedo, sizeof material->albedo);
         hash = spsi_fingerprint(hash, material->emission, sizeof material->emission);
+        if (material->glow) hash = spsi_fingerprint(hash, *material->glow, sizeof *material->glow);
         hash = spsi_fingerprint(hash, material->lobes, (size_t)material->lobe_count * sizeof(sps_lobe));
     }
     SPSI_ROLLED for (int i = 0; i < frame->lights.count; ++i)
@@ -25090,6 +25168,7 @@ typedef struct spsi_marcher {
     const spsi_frame *frame;
     const spsi_faces *faces;
     spsi_dense grids[SPSI_VOLUMES_MAX]; /* one per volume */
+    spsi_dense glows[SPSI_VOLUMES_MAX]; /* the same with mean emission where that is classified, for paths */
     spsi_tree particles;
     int part_count;                     /* volumes, then sets of particles */
     const sps_reference_settings *settings;
@@ -25571,9 +25650,11 @@ SPSI_COLD void spsi_point_source(const spsi_marcher *marcher, const spsi_point *
     memset(source, 0, 3 * sizeof *source);
     for (int m = 0; m < marcher->part_count; ++m) {
         const spsi_material *material = spsi_material_of(marcher->frame, m);
+        double emitted[4];
+        spsi_emission_at_value(material, point->value[m], emitted);
         for (int c = 0; c < 3; ++c) {
             const double albedo = (double)spsi_one(point->samples[m].color[c]);
-            double own = point->value[m] * (double)material->emission[c];
+            double own = emitted[c];
             if (marcher->settings->samples == 0) /* otherwise paths add it */
                 own += point->extinction[m] * albedo * (double)material->ambient[c];
             source[c] += point->passes * own;
@@ -26737,24 +26818,51 @@ static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *r
 
 /* --- emission --- */
 
-/* Emission per unit value, averaged over channels. */
+/* Emission per unit value, averaged over channels. If classified, the voxels of spsi_emission_grids hold that mean. */
 static double spsi_emission_of(const spsi_material *material) {
+    if (material->glow) return 1;
     return ((double)material->emission[0] + (double)material->emission[1] + (double)material->emission[2]) / 3;
 }
 
 static size_t spsi_dense_rows(const spsi_dense *grid) { return (size_t)grid->size[1] * (size_t)grid->size[2]; }
 
+/* Voxels from whose kernels paths draw emitting points: values, or classified mean emission. */
+SPSI_COLD sps_result spsi_emission_grids(sps_context *context, spsi_marcher *marcher) {
+    const spsi_frame *frame = marcher->frame;
+    size_t count = 0;
+    float *means;
+    for (int m = 0; m < frame->medium_count; ++m)
+        if (spsi_material_of(frame, m)->glow)
+            count += spsi_dense_rows(&marcher->grids[m]) * (size_t)marcher->grids[m].size[0];
+    means = (float *)spsi_reserve(context, SPSI_BUFFER_EMISSION_MEANS, count, sizeof *means);
+    if (!means) return context->result;
+    for (int m = 0; m < frame->medium_count; ++m) {
+        const spsi_material *material = spsi_material_of(frame, m);
+        const spsi_dense *grid = &marcher->grids[m];
+        marcher->glows[m] = *grid;
+        if (!material->glow) continue;
+        marcher->glows[m].values = means;
+        for (size_t i = 0; i < spsi_dense_rows(grid) * (size_t)grid->size[0]; ++i) {
+            double emitted[4];
+            spsi_emission_at_value(material, (double)grid->values[i], emitted);
+            *means++ = (float)emitted[3];
+        }
+    }
+    return SPS_OK;
+}
+
 static sps_result spsi_emission_build(sps_context *context, spsi_marcher *marcher) {
     const spsi_frame *frame = marcher->frame;
     size_t count = (size_t)frame->content->particle_count;
     double sum = 0, *sums;
+    if (spsi_emission_grids(context, marcher)) return context->result;
     for (int m = 0; m < frame->medium_count; ++m) count += spsi_dense_rows(&marcher->grids[m]);
     marcher->glow_count = count;
     marcher->glow = sums = (double *)spsi_reserve(context, SPSI_BUFFER_EMISSION, count + 1, sizeof *sums);
     if (!sums) return context->result;
     for (int m = 0; m < frame->medium_count; ++m) {
         const double glow = spsi_emission_of(spsi_material_of(frame, m)) * frame->media[m].lattice->voxel_volume;
-        const float *value = marcher->grids[m].values;
+        const float *value = marcher->glows[m].values;
         for (size_t row = 0; row < spsi_dense_rows(&marcher->grids[m]); *sums++ = sum, ++row) {
             if (row % (size_t)marcher->grids[m].size[1] == 0) spsi_tick(context, 0);
             for (int x = 0; x < marcher->grids[m].size[0]; ++x) sum += glow * (double)*value++;
@@ -26770,6 +26878,18 @@ static sps_result spsi_emission_build(sps_context *context, spsi_marcher *marche
     }
     marcher->glow_sum = sum;
     return SPS_OK;
+}
+
+/* Color of a volume's emission at a drawn point, relative to the density of draws there. */
+static void spsi_emission_color(const spsi_marcher *marcher, int m, const double point[3], float color[3]) {
+    const spsi_material *material = spsi_material_of(marcher->frame, m);
+    double emitted[4], drawn;
+    for (int c = 0; c < 3 && !material->glow; ++c)
+        color[c] = (float)((double)material->emission[c] / spsi_emission_of(material));
+    if (!material->glow) return;
+    drawn = spsi_field(&marcher->glows[m], point, SPSI_REFERENCE_REACH, NULL, NULL);
+    spsi_emission_at_value(material, spsi_field(&marcher->grids[m], point, SPSI_REFERENCE_REACH, NULL, NULL), emitted);
+    for (int c = 0; c < 3; ++c) color[c] = drawn > 0 ? (float)(emitted[c] / drawn) : 0;
 }
 
 /* Draws an emitting point, as a light of its part's color, scaled to mean 1. Points follow a sphere's density or a
@@ -26792,7 +26912,7 @@ static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, sp
     light->is_point = light->falls_off = light->shadows = 1;
     for (; m < frame->medium_count && low >= (rows = spsi_dense_rows(&marcher->grids[m])); ++m) low -= rows;
     if (m < frame->medium_count) {
-        const spsi_dense *grid = &marcher->grids[m];
+        const spsi_dense *grid = &marcher->glows[m];
         const float *value = grid->values + low * (size_t)grid->size[0];
         double at[3] = {0.5, 0.5 + (double)(low % (size_t)grid->size[1]), 0.5 + (double)(low / (size_t)grid->size[1])};
         material = spsi_material_of(frame, m);
@@ -26801,6 +26921,7 @@ static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, sp
         for (int k = 0; k < 3; ++k)
             at[k] += SPSI_SIGMA * sqrt(2 * spsi_random_depth(random)) * cos(2 * SPSI_PI * spsi_random(random));
         spsi_voxel_position(frame->media[m].lattice, at, light->position);
+        spsi_emission_color(marcher, m, light->position, light->color);
     } else {
         const spsi_particle_set *set = spsi_set_of(frame, (int)low);
         const sps_particle *particle = &frame->content->particles[low];
@@ -26812,8 +26933,9 @@ static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, sp
         spsi_random_about(random, up, 2 * spsi_random(random) - 1, way);
         for (int i = 0; i < 3; ++i)
             light->position[i] = (double)particle->position[i] + r * (double)particle->radius * way[i];
+        for (int c = 0; c < 3; ++c)
+            light->color[c] = (float)((double)material->emission[c] / spsi_emission_of(material));
     }
-    for (int c = 0; c < 3; ++c) light->color[c] = (float)((double)material->emission[c] / spsi_emission_of(material));
 }
 
 /* `density`: of directions from the event, per steradian. Returns the balance heuristic's weight for the drawn point;
@@ -26822,7 +26944,7 @@ static double spsi_emission_at(const spsi_marcher *marcher, const double event[3
                                const double point[3], double emitted[3]) {
     const spsi_bounds *bounds = &marcher->frame->content->bounds;
     spsi_ray ray = {{event[0], event[1], event[2]}, {0, 0, 0}, 0, 0};
-    double depths[SPSI_SETS_MAX], across[3], way, room, drawn;
+    double depths[SPSI_SETS_MAX], across[3], way, room, drawn = 0;
     spsi_along(bounds->high, bounds->low, -1, across);
     spsi_along(point, event, -1, ray.direction);
     way = spsi_length(ray.direction);
@@ -26835,12 +26957,15 @@ static double spsi_emission_at(const spsi_marcher *marcher, const double event[3
     for (int m = 0; m < marcher->part_count; ++m) {
         const spsi_material *material = spsi_material_of(marcher->frame, m);
         const int set = m - marcher->frame->medium_count;
-        double value = 0;
-        if (material->emits && set < 0) value = spsi_field(&marcher->grids[m], point, SPSI_REFERENCE_REACH, NULL, NULL);
-        if (material->emits && set >= 0) value = depths[set] / (2 * room);
-        for (int c = 0; c < 3; ++c) emitted[c] += value * (double)material->emission[c];
+        double value = 0, own[4];
+        if (!material->emits) continue;
+        value = set < 0 ? spsi_field(&marcher->grids[m], point, SPSI_REFERENCE_REACH, NULL, NULL)
+                        : depths[set] / (2 * room);
+        spsi_emission_at_value(material, value, own);
+        for (int c = 0; c < 3; ++c) emitted[c] += own[c];
+        drawn += material->glow ? spsi_field(&marcher->glows[m], point, SPSI_REFERENCE_REACH, NULL, NULL) : own[3];
     }
-    drawn = spsi_color_mean(emitted) / marcher->glow_sum * way * way * spsi_length(across);
+    drawn *= way * way * spsi_length(across) / marcher->glow_sum;
     return drawn > 0 ? 1 / (1 + density / drawn) : 0;
 }
 

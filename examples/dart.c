@@ -58,8 +58,9 @@ static int plate_value(void *user, size_t count, const double *positions, float 
 }
 
 static void set_plate(sps_volume *plate) {
-    static const sps_transfer_point wood[3] = {
-        {0.20f, {0.30f, 0.19f, 0.10f}, 0}, {0.50f, {0.26f, 0.15f, 0.08f}, 90}, {0.95f, {0.72f, 0.52f, 0.32f}, 120}};
+    static const sps_transfer_point wood[3] = {{0.20f, {0.30f, 0.19f, 0.10f}, 0, {0, 0, 0}},
+                                               {0.50f, {0.26f, 0.15f, 0.08f}, 90, {0, 0, 0}},
+                                               {0.95f, {0.72f, 0.52f, 0.32f}, 120, {0, 0, 0}}};
     static const sps_transfer look = {wood, 3, NULL, NULL, 0};
     ex_volume_box(plate, ex_vec_of(-1.95, -1.95, -0.22), ex_vec_of(1.95, 1.95, 0.06), 150);
     plate->eval_fn = plate_value, plate->concurrent = 1;

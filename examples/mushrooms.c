@@ -20,10 +20,10 @@ static int plate_value(void *user, size_t count, const double *positions, float 
 }
 
 static void set_plate(sps_volume *plate) {
-    static const sps_transfer_point stone[4] = {{0.12f, {0.50f, 0.48f, 0.44f}, 0},
-                                                {0.45f, {0.48f, 0.46f, 0.42f}, 40},
-                                                {0.70f, {0.66f, 0.59f, 0.49f}, 90},
-                                                {1.00f, {0.88f, 0.79f, 0.64f}, 120}};
+    static const sps_transfer_point stone[4] = {{0.12f, {0.50f, 0.48f, 0.44f}, 0, {0, 0, 0}},
+                                                {0.45f, {0.48f, 0.46f, 0.42f}, 40, {0, 0, 0}},
+                                                {0.70f, {0.66f, 0.59f, 0.49f}, 90, {0, 0, 0}},
+                                                {1.00f, {0.88f, 0.79f, 0.64f}, 120, {0, 0, 0}}};
     static const sps_transfer look = {stone, 4, NULL, NULL, 0};
     ex_volume_box(plate, ex_vec_of(-2, -0.25, -2), ex_vec_of(2, 0.12, 2), 160);
     plate->eval_fn = plate_value, plate->concurrent = 1;

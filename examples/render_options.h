@@ -253,15 +253,17 @@ static int set_phase(const option_rule *rule, arguments *all, void *place, const
 
 /* Appends a point of a transfer function. */
 static int add_point(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
-    double numbers[5];
+    double numbers[8] = {0};
+    float narrow[8];
     sps_transfer_point point;
     (void)all;
-    if (read_numbers(value, 5, numbers) != 5) return malformed(rule, value, error);
-    if (!within(numbers, 1, 0, LARGEST) || !within(numbers + 4, 1, 0, LARGEST))
-        return outside(rule, value, "value and extinction", 0, LARGEST, error);
+    const int count = read_numbers(value, 8, numbers);
+    if (count != 5 && count != 8) return malformed(rule, value, error);
+    if (!within(numbers, 1, 0, LARGEST) || !within(numbers + 4, 4, 0, LARGEST))
+        return outside(rule, value, "value, extinction and emission", 0, LARGEST, error);
     if (!within(numbers + 1, 3, 0, 1)) return outside(rule, value, "r,g,b", 0, 1, error);
-    point.value = (float)numbers[0], point.extinction = (float)numbers[4];
-    for (int i = 0; i < 3; ++i) point.albedo[i] = (float)numbers[1 + i];
+    for (int i = 0; i < 8; ++i) narrow[i] = (float)numbers[i];
+    ex_transfer_set(narrow, &point);
     if (ex_transfer_add((ex_transfer *)place, &point)) return unfit(rule, value, "values must rise", error);
     return 0;
 }
@@ -416,8 +418,8 @@ static const option_rule options[] = {
     {"--emission", "r,g,b", "radiance per world unit at value 1; default 0,0,0; for a gas, not with --transfer", set_reals, OF_VOLUME(emission), 3, POSITIVE},
     {"--gas-ambient", "r,g,b", "radiance from everywhere, with --scattering ambient; default 0,0,0", set_reals, OF_VOLUME(ambient), 3, POSITIVE},
     {"--phase", "g[,g2,w]", "Henyey-Greenstein lobes, g weighing 1-w and g2 weighing w; default 0, isotropic", set_phase, OF_VOLUME(lobes), 1, -0.99, 0.99, NULL},
-    {"--transfer", "FILE", "lines: value r g b extinction, values rising", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
-    {"--transfer-point", "value,r,g,b,extinction", "instead of --transfer, one such line; repeatable", add_point, OF_VOLUME(points), NO_NUMBERS},
+    {"--transfer", "FILE", "lines: value r g b extinction [r g b], values rising; the last three: emission, radiance per world unit", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
+    {"--transfer-point", "value,r,g,b,extinction[,r,g,b]", "instead of --transfer, one such line; repeatable", add_point, OF_VOLUME(points), NO_NUMBERS},
     {"--shading", "gas|surface", "surface: lit by the gradient, where that is strong; default gas", set_choice, OF_VOLUME(shading), 1, 0, 0, shading_names},
     {"--particles", "FILE", "little-endian 32-bit floats, x y z radius opticaldepth of each; repeatable", add_particles, SCENE, 0, NO_NUMBERS},
     {"--particle-albedo", "r,g,b", "default 0.8,0.8,0.8", set_reals, OF_PARTICLES(albedo), 3, 0, 1, NULL},

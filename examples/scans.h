@@ -17,9 +17,10 @@ static inline int ex_scan_load(ex_grid *grid, const char *name, const int size[3
 
 /* A bonsai in its pot: scanner's haze below 0.135, leaves, wood, soil, pot, stones. */
 static const sps_transfer_point ex_bonsai_points[] = {
-    {0.135f, {0.16f, 0.34f, 0.06f}, 0},  {0.15f, {0.20f, 0.42f, 0.08f}, 60},  {0.26f, {0.30f, 0.45f, 0.10f}, 90},
-    {0.34f, {0.42f, 0.27f, 0.14f}, 200}, {0.55f, {0.46f, 0.30f, 0.17f}, 300}, {0.70f, {0.34f, 0.25f, 0.18f}, 400},
-    {0.76f, {0.55f, 0.24f, 0.14f}, 500}, {1.00f, {0.65f, 0.60f, 0.55f}, 500},
+    {0.135f, {0.16f, 0.34f, 0.06f}, 0, {0, 0, 0}},  {0.15f, {0.20f, 0.42f, 0.08f}, 60, {0, 0, 0}},
+    {0.26f, {0.30f, 0.45f, 0.10f}, 90, {0, 0, 0}},  {0.34f, {0.42f, 0.27f, 0.14f}, 200, {0, 0, 0}},
+    {0.55f, {0.46f, 0.30f, 0.17f}, 300, {0, 0, 0}}, {0.70f, {0.34f, 0.25f, 0.18f}, 400, {0, 0, 0}},
+    {0.76f, {0.55f, 0.24f, 0.14f}, 500, {0, 0, 0}}, {1.00f, {0.65f, 0.60f, 0.55f}, 500, {0, 0, 0}},
 };
 
 static const sps_transfer ex_bonsai_transfer = {ex_bonsai_points, sizeof ex_bonsai_points / sizeof *ex_bonsai_points,

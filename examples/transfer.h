@@ -20,21 +20,32 @@ static inline int ex_transfer_add(ex_transfer *transfer, const sps_transfer_poin
     return 0;
 }
 
+/* A point from value, albedo, extinction and emission. */
+static inline void ex_transfer_set(const float numbers[8], sps_transfer_point *point) {
+    point->value = numbers[0], point->extinction = numbers[4];
+    memcpy(point->albedo, numbers + 1, sizeof point->albedo);
+    memcpy(point->emission, numbers + 5, sizeof point->emission);
+}
+
 static inline void ex_transfer_free(ex_transfer *transfer) {
     free(transfer->points);
     memset(transfer, 0, sizeof *transfer);
 }
 
-/* Parses `value r g b extinction`; a comment may follow. */
+/* Parses `value r g b extinction` and, if there is more, `r g b` of the emission; a comment may follow. */
 static inline int ex_transfer_line(char *text, sps_transfer_point *point) {
-    float *fields[5] = {&point->value, &point->albedo[0], &point->albedo[1], &point->albedo[2], &point->extinction};
-    for (int i = 0; i < 5; ++i) {
+    float numbers[8] = {0};
+    int count = 0;
+    for (; count < 8; ++count) {
         char *end;
-        const double number = strtod(text, &end), most = i >= 1 && i <= 3 ? 1.0 : 1e18; /* r, g, b: 0..1 */
+        text = ex_skip_blanks(text);
+        if (count == 5 && (*text == '\0' || *text == '#')) break;
+        const double number = strtod(text, &end), most = count >= 1 && count <= 3 ? 1.0 : 1e18; /* albedo: 0..1 */
         if (end == text || !(number >= 0.0 && number <= most)) return 1;
-        *fields[i] = (float)number;
+        numbers[count] = (float)number;
         text = end;
     }
+    ex_transfer_set(numbers, point);
     text = ex_skip_blanks(text);
     return *text != '\0' && *text != '#';
 }
@@ -53,8 +64,8 @@ static inline int ex_transfer_load(ex_transfer *transfer, const char *path, ex_e
         if (*line == '\0' || *line == '#') continue;
         sps_transfer_point point;
         if (ex_transfer_line(line, &point))
-            failed = ex_fail(error, "%s:%d: not `value r g b extinction`, or out of range: '%s'", path, line_number,
-                             ex_quoted(line).text);
+            failed = ex_fail(error, "%s:%d: not `value r g b extinction [r g b]`, or out of range: '%s'", path,
+                             line_number, ex_quoted(line).text);
         else if (ex_transfer_add(transfer, &point))
             failed = ex_fail(error, "%s:%d: values must rise from line to line", path, line_number);
     }

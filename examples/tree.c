@@ -30,9 +30,11 @@ static int dish_value(void *user, size_t count, const double *positions, float *
 }
 
 static void set_plate(sps_volume plate[2]) {
-    static const sps_transfer_point earth[3] = {
-        {0.15f, {0.17f, 0.26f, 0.05f}, 0}, {0.40f, {0.25f, 0.34f, 0.08f}, 50}, {0.80f, {0.50f, 0.42f, 0.22f}, 90}};
-    static const sps_transfer_point clay[2] = {{0.15f, {0.58f, 0.36f, 0.27f}, 0}, {0.50f, {0.58f, 0.36f, 0.27f}, 120}};
+    static const sps_transfer_point earth[3] = {{0.15f, {0.17f, 0.26f, 0.05f}, 0, {0, 0, 0}},
+                                                {0.40f, {0.25f, 0.34f, 0.08f}, 50, {0, 0, 0}},
+                                                {0.80f, {0.50f, 0.42f, 0.22f}, 90, {0, 0, 0}}};
+    static const sps_transfer_point clay[2] = {{0.15f, {0.58f, 0.36f, 0.27f}, 0, {0, 0, 0}},
+                                               {0.50f, {0.58f, 0.36f, 0.27f}, 120, {0, 0, 0}}};
     static const sps_transfer earth_look = {earth, 3, NULL, NULL, 0}, clay_look = {clay, 2, NULL, NULL, 0};
     ex_volume_box(&plate[0], ex_vec_of(-1.75, -0.16, -1.75), ex_vec_of(1.75, 0.20, 1.75), 128);
     ex_volume_box(&plate[1], ex_vec_of(-1.92, -0.26, -1.92), ex_vec_of(1.92, 0.14, 1.92), 144);
@@ -63,8 +65,9 @@ static void grow_tree(ex_tree *tree) {
 
 static void set_tree(sps_volume *volume, ex_grid *grid) {
     static const sps_transfer_point bark_and_leaves[6] = {
-        {0.14f, {0.10f, 0.22f, 0.04f}, 0},  {0.22f, {0.12f, 0.27f, 0.04f}, 30},  {0.30f, {0.20f, 0.38f, 0.06f}, 30},
-        {0.36f, {0.32f, 0.42f, 0.10f}, 30}, {0.40f, {0.52f, 0.30f, 0.16f}, 200}, {1.00f, {0.56f, 0.33f, 0.19f}, 200}};
+        {0.14f, {0.10f, 0.22f, 0.04f}, 0, {0, 0, 0}},   {0.22f, {0.12f, 0.27f, 0.04f}, 30, {0, 0, 0}},
+        {0.30f, {0.20f, 0.38f, 0.06f}, 30, {0, 0, 0}},  {0.36f, {0.32f, 0.42f, 0.10f}, 30, {0, 0, 0}},
+        {0.40f, {0.52f, 0.30f, 0.16f}, 200, {0, 0, 0}}, {1.00f, {0.56f, 0.33f, 0.19f}, 200, {0, 0, 0}}};
     static const sps_transfer look = {bark_and_leaves, 6, NULL, NULL, 0};
     static ex_tree tree;
     ex_volume_box(volume, ex_vec_of(-1.65, -0.1, -1.5), ex_vec_of(1.65, 2.55, 1.2), 160);

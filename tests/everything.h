@@ -91,8 +91,9 @@ static inline int paint_backdrop(void *user, size_t count, const float *directio
 static inline void build_volumes(void) {
     sps_volume *gas = &it.volume[0], *matter = &it.volume[1];
     static const sps_lobe lobes[2] = {{0.6f, 2}, {-0.3f, 1}}, others[2] = {{0.2f, 2}, {-0.5f, 1}};
-    static const sps_transfer_point points[3] = {
-        {0.1f, {0.9f, 0.4f, 0.4f}, 0}, {0.5f, {0.7f, 0.7f, 0.3f}, 3}, {0.9f, {0.2f, 0.5f, 0.9f}, 6}};
+    static const sps_transfer_point points[3] = {{0.1f, {0.9f, 0.4f, 0.4f}, 0, {0, 0, 0}},
+                                                 {0.5f, {0.7f, 0.7f, 0.3f}, 3, {0.2f, 0.1f, 0}},
+                                                 {0.9f, {0.2f, 0.5f, 0.9f}, 6, {0, 0, 0}}};
     static const int size[3] = {6, 5, 4}, sparse[3] = {5, 6, 7};
     for (int i = 0; i < VOXELS; ++i) {
         it.voxels[i] = 0.5f + 0.45f * sinf(1.7f * (float)i);

@@ -139,6 +139,7 @@ static int transfer_curve(void *user, size_t count, const float *values, sps_tra
         const double t = (double)values[i] / (p->scale > 0 ? p->scale : 1);
         check_color(out[i].albedo, fmin(1, fabs(t)), 0.5, 0.2);
         out[i].extinction = (float)garbled(p, t > 0.3 ? 5 * t : 0, (uint64_t)i);
+        if (p->scale > 1) out[i].emission[1] = (float)garbled(p, t, (uint64_t)i);
     }
     return fails_now(p);
 }
@@ -264,6 +265,7 @@ static void random_transfer(scenery *x, int n, sps_volume *volume) {
         x->points[n][i].value = (float)((i + 0.9 * unit()) * 0.3 * x->providers[n].scale);
         random_color(x->points[n][i].albedo, 1);
         x->points[n][i].extinction = one_in(3) ? 0 : (float)strange(0, 20);
+        if (one_in(3)) random_color(x->points[n][i].emission, 2);
     }
 }
 

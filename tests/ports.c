@@ -22,8 +22,9 @@ static void look_from_above(check_scene *s) {
 static void add_floor(check_scene *s, double reflectance) { check_add_mesh(s, &floor_of_ports, reflectance); }
 
 static void build_picture(check_scene *s, int number) {
-    static const sps_transfer_point points[3] = {
-        {0.2f, {0.8f, 0.6f, 0.4f}, 0}, {0.3f, {0.8f, 0.6f, 0.4f}, 20}, {1, {0.3f, 0.6f, 0.9f}, 40}};
+    static const sps_transfer_point points[3] = {{0.2f, {0.8f, 0.6f, 0.4f}, 0, {0, 0, 0}},
+                                                 {0.3f, {0.8f, 0.6f, 0.4f}, 20, {0, 0, 0}},
+                                                 {1, {0.3f, 0.6f, 0.9f}, 40, {0, 0, 0}}};
     static const sps_transfer looks = {points, 3, NULL, NULL, 0};
     sps_volume *gas;
     look_from_above(s);

@@ -332,6 +332,14 @@ static inline void draw_lobes(check_random *random, sps_lobe lobes[2]) {
     for (int i = 0; i < 2; ++i) lobes[i].weight = (float)draw(random, 0.2, 1);
 }
 
+/* Emission of one in three, from random numbers apart, so that scenes are otherwise those without. */
+static inline void draw_glow(random_scene *x, int n, double extinction) {
+    check_random apart = {x->random.state ^ 0x9e3779b97f4a7c15u};
+    if (!one_in(&apart, 3)) return;
+    for (int i = 1; i < 4; ++i)
+        for (int c = 0; c < 3; ++c) x->points[n][i].emission[c] = (float)draw(&apart, 0, 0.4 * extinction);
+}
+
 /* Steps at values where a field has slopes, with different colors; the first is empty. */
 static inline void draw_transfer(random_scene *x, int n, int kind, double extinction) {
     sps_volume *volume = &x->s.volume[n];
@@ -340,6 +348,7 @@ static inline void draw_transfer(random_scene *x, int n, int kind, double extinc
     volume->extinction = (float)extinction; /* not used by the library, but read by the curve */
     volume->shading = kind == VOLUME_SURFACE ? SPS_SHADING_SURFACE : SPS_SHADING_GAS;
     if (one_in(&x->random, 2)) volume->specular = (float)draw(&x->random, 0, 0.6);
+    if (kind != VOLUME_SURFACE) draw_glow(x, n, extinction);
     if (kind == VOLUME_CURVE) {
         transfer->eval_fn = smooth_curve;
         transfer->user = &volume->extinction;

@@ -11,10 +11,10 @@ static const float one = 1;
 enum { PUFF, TURNED, SHEARED, SWARM, HARD_SWARM, EXTINCTIONS, DUST, CLASSIFIED, TWO, KINDS };
 static const char *const kinds[] = {"puff",        "turned box", "sheared box", "soft balls",    "balls",
                                     "extinctions", "dust",       "classified",  "puff and balls"};
-static const sps_transfer_point points[] = {{0, {0.3f, 0.3f, 0.3f}, 0},
-                                            {0.2f, {0.3f, 0.3f, 0.3f}, 4},
-                                            {0.5f, {0.8f, 0.3f, 0.3f}, 1},
-                                            {1, {0.3f, 0.3f, 0.3f}, 2}};
+static const sps_transfer_point points[] = {{0, {0.3f, 0.3f, 0.3f}, 0, {0, 0, 0}},
+                                            {0.2f, {0.3f, 0.3f, 0.3f}, 4, {0, 0, 0}},
+                                            {0.5f, {0.8f, 0.3f, 0.3f}, 1, {0, 0, 0}},
+                                            {1, {0.3f, 0.3f, 0.3f}, 2, {0, 0, 0}}};
 static const sps_transfer tissue = {points, 4, NULL, NULL, 0};
 
 static void add_box(check_scene *s, int kind) {

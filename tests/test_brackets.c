@@ -640,7 +640,7 @@ static void check_refused(const check_scene *s, const char *text) {
 }
 
 static void test_refused(void) {
-    static const sps_transfer_point points[] = {{0, {0, 0, 0}, 0}, {1, {1, 1, 1}, 9}};
+    static const sps_transfer_point points[] = {{0, {0, 0, 0}, 0, {0, 0, 0}}, {1, {1, 1, 1}, 9, {0, 0, 0}}};
     static const sps_transfer transfer = {points, 2, NULL, NULL, 0};
     sps_reference_settings settings;
     sps_image image;

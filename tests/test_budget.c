@@ -130,7 +130,8 @@ static void check_errors(const check_scene *start_from, const double *errors, in
 static void test_rungs(void) {
     static const int samples[] = {4, 16, 64, 256};
     static const double errors[] = {0.5, 0.15, 0.06, 0.03};
-    static const sps_transfer_point steps[2] = {{0.1f, {0.8f, 0.6f, 0.4f}, 0}, {0.5f, {0.8f, 0.6f, 0.4f}, 30}};
+    static const sps_transfer_point steps[2] = {{0.1f, {0.8f, 0.6f, 0.4f}, 0, {0, 0, 0}},
+                                                {0.5f, {0.8f, 0.6f, 0.4f}, 30, {0, 0, 0}}};
     static const sps_transfer looks = {steps, 2, NULL, NULL, 0};
     sps_context *context = check_context(NULL);
     sps_plan_report plan;
@@ -623,8 +624,8 @@ static void test_held_apart(void) {
     for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage)
         for (int grade = 0; grade < SPSI_PRESETS; ++grade)
             pace->rates[stage][grade] = grade != spsi_stage_preset((spsi_stage)stage, &pace->setting) ? 0
-                                        : stage == SPSI_STAGE_CELLS                                  ? 1e-5
-                                                                                                     : 1e-9;
+                                        : stage == SPSI_STAGE_CELLS                                   ? 1e-5
+                                                                                                      : 1e-9;
     s.view.budget_error = 0, s.view.budget_seconds = 1e-12;
     CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
     CHECK(plan.budget.scattering_resolution == chosen.scattering_resolution && plan.budget.quality == chosen.quality);

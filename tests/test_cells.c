@@ -445,7 +445,8 @@ static const double unchanged[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
 static const check_field puff_field = {
     transformed_puff, look_rows, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
 
-static const sps_transfer_point points[] = {{0, {0.9f, 0.9f, 0.5f}, 0}, {1, {0.9f, 0.8f, 0.7f}, 6}};
+static const sps_transfer_point points[] = {{0, {0.9f, 0.9f, 0.5f}, 0, {0, 0, 0}},
+                                            {1, {0.9f, 0.8f, 0.7f}, 6, {0, 0, 0}}};
 static const sps_transfer tissue = {points, 2, NULL, NULL, 0};
 static const sps_lobe lobes[] = {{0.5f, 3}, {-0.2f, 1}}, forward = {0.85f, 1}, middle = {0.5f, 1},
                       backward = {-0.3f, 1};
@@ -521,10 +522,10 @@ static const spsi_cell_job *job_of(const sps_context *by) {
 /* --- what cells are filled with --- */
 
 /* Half of the value is enough for all of the extinction. */
-static const sps_transfer_point plateau_points[] = {{0, {0.5f, 0.5f, 0.5f}, 0},
-                                                    {0.4f, {0.5f, 0.5f, 0.5f}, 0},
-                                                    {0.6f, {0.5f, 0.5f, 0.5f}, 6},
-                                                    {1, {0.5f, 0.5f, 0.5f}, 6}};
+static const sps_transfer_point plateau_points[] = {{0, {0.5f, 0.5f, 0.5f}, 0, {0, 0, 0}},
+                                                    {0.4f, {0.5f, 0.5f, 0.5f}, 0, {0, 0, 0}},
+                                                    {0.6f, {0.5f, 0.5f, 0.5f}, 6, {0, 0, 0}},
+                                                    {1, {0.5f, 0.5f, 0.5f}, 6, {0, 0, 0}}};
 static const sps_transfer plateau = {plateau_points, 4, NULL, NULL, 0};
 
 /* Cells cover the gas; as many as asked for lie along its longest side. Their optical depths add up to what the voxels
@@ -849,8 +850,9 @@ static int read_rods(void *user, const int lo[3], const int size[3], float *out)
    texels, optical depth is interpolated, by which light is at least what the mean leaves. Rays meet rods at eleven
    places, of which one may be wrong. Gas below has a depth of up to 0.05. */
 static void test_lit_behind_rods(void) {
-    static const sps_transfer_point points[] = {{0, {1, 1, 1}, 0},    {0.2f, {1, 1, 1}, 0.05f}, {0.3f, {1, 1, 1}, 0},
-                                                {0.6f, {1, 1, 1}, 0}, {0.7f, {1, 1, 1}, 1},     {1, {1, 1, 1}, 1}};
+    static const sps_transfer_point points[] = {{0, {1, 1, 1}, 0, {0, 0, 0}},    {0.2f, {1, 1, 1}, 0.05f, {0, 0, 0}},
+                                                {0.3f, {1, 1, 1}, 0, {0, 0, 0}}, {0.6f, {1, 1, 1}, 0, {0, 0, 0}},
+                                                {0.7f, {1, 1, 1}, 1, {0, 0, 0}}, {1, {1, 1, 1}, 1, {0, 0, 0}}};
     static const sps_transfer rods = {points, 6, NULL, NULL, 0};
     const double share = acos((0.65 - 0.5) / 0.378) / PI, wrong = 1 / 11.0 * (1 - exp(-1));
     for (int filling = SPS_FILLING_AUTO; filling <= SPS_FILLING_GATHER; ++filling) {

@@ -16,7 +16,8 @@ static const char shared[] = "a table: the light shares the sweep of another";
 
 /* --- scenes --- */
 
-static const sps_transfer_point points[] = {{0, {0.5f, 0.5f, 0.5f}, 0}, {0.5f, {0.9f, 0.6f, 0.3f}, 6}};
+static const sps_transfer_point points[] = {{0, {0.5f, 0.5f, 0.5f}, 0, {0, 0, 0}},
+                                            {0.5f, {0.9f, 0.6f, 0.3f}, 6, {0, 0, 0}}};
 static const sps_transfer tissue = {points, 2, NULL, NULL, 0};
 
 enum { GAS, TISSUE, SWARM, KINDS };
@@ -268,8 +269,7 @@ static void test_two_lights(void) {
         double off;
         add_two(&s, kind);
         check_chosen(&s, kind == TISSUE ? 2 : 1, kind != TISSUE,
-                     kind == TISSUE ? "no light that casts shadows has a shadow_map or a table" : shared,
-                     image_a);
+                     kind == TISSUE ? "no light that casts shadows has a shadow_map or a table" : shared, image_a);
         check_force_sheets(&s);
         check_chosen(&s, 2, 0, NULL, image_b);
         off = off_reference(&s, image_b);

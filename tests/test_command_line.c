@@ -145,9 +145,9 @@ static void test_looks(void) {
         {"--look looks/whole.txt --volume two.raw --out looks/corner.obj", 2,
          "--out looks/corner.obj is a file that --mesh reads"},
         {"--look looks/slide.txt --out 'looks/dark, 1.ppm'", 2, "--out looks/dark, 1.ppm is a file that --light reads"},
-        {"--transfer-point 0,1,1,1", 2, "--transfer-point: '0,1,1,1' is not value,r,g,b,extinction"},
+        {"--transfer-point 0,1,1,1", 2, "--transfer-point: '0,1,1,1' is not value,r,g,b,extinction[,r,g,b]"},
         {"--transfer-point 0,1,1,2,0", 2, "out of range: r,g,b must be within 0..1"},
-        {"--transfer-point -1,1,1,1,0", 2, "out of range: value and extinction must be within 0..1e+18"},
+        {"--transfer-point -1,1,1,1,0", 2, "out of range: value, extinction and emission must be within 0..1e+18"},
         {"--transfer-point 0,1,1,1,0 --plan", 2, "--transfer-point: there is no --volume"},
         {VOLUME "--transfer-point 2,1,1,1,0 --transfer-point 3,1,1,1,9 --plan", 2,
          "--transfer-point: a line's value is 2, and there are lines beyond it; u8 voxels stand for 0..1"}};
@@ -790,7 +790,7 @@ static void test_bad_files(void) {
         {"--volume two.raw --size 2,2,2 --type u16 --plan", 2, "the file holds 8 bytes"},
         {"--volume \"$(printf 'a\\033[2Jb\\nc')\" --size 1,1,1 --plan", 2, "a?[2Jb?c: No such file"},
         {VOLUME "--transfer binary --plan", 2,
-         "binary:1: not `value r g b extinction`, or out of range: '"
+         "binary:1: not `value r g b extinction [r g b]`, or out of range: '"
          "?"
          "?"
          "[31mA?"},
@@ -856,7 +856,7 @@ static void test_help(void) {
                                         "--emission r,g,b",
                                         "--phase g[,g2,w]",
                                         "--transfer FILE",
-                                        "--transfer-point value,r,g,b,extinction",
+                                        "--transfer-point value,r,g,b,extinction[,r,g,b]",
                                         "--shading gas|surface",
                                         "--mesh FILE.obj",
                                         "--mesh-color r,g,b",

@@ -1047,7 +1047,7 @@ static void test_scales_and_origins(void) {
    power. Scaling by powers of 2 changes no rounding except for comparisons with constants. */
 static void test_scales_of_near_voxels(void) {
     static const int powers[] = {-40, -27, -13, 13, 23, 33};
-    const sps_transfer_point points[2] = {{0.1f, {1, 1, 1}, 0}, {0.5f, {1, 1, 1}, 2}};
+    const sps_transfer_point points[2] = {{0.1f, {1, 1, 1}, 0, {0, 0, 0}}, {0.5f, {1, 1, 1}, 2, {0, 0, 0}}};
     for (int classified = 0; classified < 2; ++classified)
         for (size_t i = 0; i <= sizeof powers / sizeof *powers; ++i) {
             const double scale = i > 0 ? ldexp(1, powers[i - 1]) : 1;
@@ -1126,9 +1126,9 @@ static void test_scales_of_cut_surfaces(void) {
     static float picture[4 * WIDTH * WIDTH], first[4 * WIDTH * WIDTH];
     for (size_t i = 0; i < sizeof scales / sizeof *scales; ++i) {
         const double scale = scales[i];
-        const sps_transfer_point points[3] = {{0.1f, {0.8f, 0.3f, 0.2f}, 0},
-                                              {0.4f, {0.8f, 0.5f, 0.2f}, (float)(3 / scale)},
-                                              {1, {0.2f, 0.5f, 0.9f}, (float)(6 / scale)}};
+        const sps_transfer_point points[3] = {{0.1f, {0.8f, 0.3f, 0.2f}, 0, {0, 0, 0}},
+                                              {0.4f, {0.8f, 0.5f, 0.2f}, (float)(3 / scale), {0, 0, 0}},
+                                              {1, {0.2f, 0.5f, 0.9f}, (float)(6 / scale), {0, 0, 0}}};
         const sps_transfer transfer = {points, 3, NULL, NULL, 0};
         check_field field = {ball_at, &scale, {0, 0, 0}, {{0, 0, 0}, {{0}}}};
         check_triangles triangles = {0};

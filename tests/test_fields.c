@@ -64,6 +64,7 @@ static const row rows[] = {
     F(sps_transfer_point, value, point[0], 0.2, PLAIN, NOTHING),
     F(sps_transfer_point, albedo, point[1], 0.5, PLAIN, NOTHING),
     F(sps_transfer_point, extinction, point[1], 2, PLAIN, NOTHING),
+    F(sps_transfer_point, emission, point[1], 0.5, PLAIN, NOTHING),
     F(sps_transfer_point, value, point[2], 0.8, PLAIN, NOTHING),
     F(sps_transfer_point, extinction, point[0], 0.2, PLAIN, NOTHING),
     P(sps_transfer, points, transfer, it.other_point, PLAIN, NOTHING),

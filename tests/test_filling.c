@@ -191,15 +191,18 @@ static void test_seen(void) {
 
 /* --- pictures --- */
 
-static const sps_transfer_point colors[4] = {
-    {0.1f, {1, 1, 1}, 0}, {0.3f, {1, 0.4f, 0.2f}, 3}, {0.6f, {0.3f, 0.5f, 1}, 8}, {1, {1, 1, 1}, 12}};
+static const sps_transfer_point colors[4] = {{0.1f, {1, 1, 1}, 0, {0, 0, 0}},
+                                             {0.3f, {1, 0.4f, 0.2f}, 3, {0, 0, 0}},
+                                             {0.6f, {0.3f, 0.5f, 1}, 8, {0, 0, 0}},
+                                             {1, {1, 1, 1}, 12, {0, 0, 0}}};
 static sps_tmap_settings deep;
 static const sps_transfer looks = {colors, 4, NULL, NULL, 0};
 /* Nothing below 0.6. */
 static const sps_transfer_point high_colors[3] = {
-    {0.6f, {1, 0.5f, 0.5f}, 0}, {0.601f, {1, 0.5f, 0.5f}, 20}, {1, {1, 1, 1}, 30}};
+    {0.6f, {1, 0.5f, 0.5f}, 0, {0, 0, 0}}, {0.601f, {1, 0.5f, 0.5f}, 20, {0, 0, 0}}, {1, {1, 1, 1}, 30, {0, 0, 0}}};
 static const sps_transfer high_looks = {high_colors, 3, NULL, NULL, 0};
-static const sps_transfer_point even_colors[2] = {{0, {0.8f, 0.8f, 0.8f}, 10}, {2, {0.8f, 0.8f, 0.8f}, 10}};
+static const sps_transfer_point even_colors[2] = {{0, {0.8f, 0.8f, 0.8f}, 10, {0, 0, 0}},
+                                                  {2, {0.8f, 0.8f, 0.8f}, 10, {0, 0, 0}}};
 static const sps_transfer even_looks = {even_colors, 2, NULL, NULL, 0};
 static sps_particles *swarm;
 
@@ -721,7 +724,8 @@ static void test_cells(void) {
 
 /* Samples per slab on the one ray of a picture, through the middle of a thin block of 48 voxels. */
 static double samples_per_slab(double slab) {
-    static const sps_transfer_point thin_colors[2] = {{0, {1, 1, 1}, 0.01f}, {2, {1, 1, 1}, 0.01f}};
+    static const sps_transfer_point thin_colors[2] = {{0, {1, 1, 1}, 0.01f, {0, 0, 0}},
+                                                      {2, {1, 1, 1}, 0.01f, {0, 0, 0}}};
     static const sps_transfer thin = {thin_colors, 2, NULL, NULL, 0};
     static float one = 1;
     sps_stats_report stats;
@@ -804,7 +808,8 @@ static void test_profiles(void) {
             const double low = (double)part / SPSI_SUBSLABS - 0.5, high = low + 1.0 / SPSI_SUBSLABS;
             const double whole = middle * (high - low) + slope * (high * high - low * low) / 2 +
                                  bend * (high * high * high - low * low * low) / 3;
-            CHECK_NEAR((double)spsi_lane(spsi_parabola_mean(&p, &portion), 0), whole * SPSI_SUBSLABS, 8 * 1.2e-7 * middle);
+            CHECK_NEAR((double)spsi_lane(spsi_parabola_mean(&p, &portion), 0), whole * SPSI_SUBSLABS,
+                       8 * 1.2e-7 * middle);
         }
         table.last_clear = 3; /* more than any of the three */
         CHECK(spsi_values_through(&material, values, means, &p) == means);
@@ -1543,7 +1548,7 @@ static void test_scattered_thinly(void) {
 /* Light from the left meets the surface of such a voxel, whose left half faces it: its gradient is known, whatever
    fills sheets. A hundredth allows for the column of pixels in the middle. */
 static void test_scattered_surface(void) {
-    static const sps_transfer_point points[2] = {{0.02f, {1, 1, 1}, 0}, {0.03f, {1, 1, 1}, 1}};
+    static const sps_transfer_point points[2] = {{0.02f, {1, 1, 1}, 0, {0, 0, 0}}, {0.03f, {1, 1, 1}, 1, {0, 0, 0}}};
     static const sps_transfer skin = {points, 2, NULL, NULL, 0};
     const double middle = 1 / 400.0 - 1;
     int size = 400;
@@ -1625,8 +1630,8 @@ static void test_held_table(void) {
 /* The plan's pass of reading includes fields, whose bound is the difference from splatting. In pictures as small as
    these a gas has levels, and what is classified beside it has none: a mean's look is not the mean of looks. */
 static void test_bytes(void) {
-    static const int own[] = {SPSI_BUFFER_PYRAMIDS,      SPSI_BUFFER_PYRAMID_GRIDS,  SPSI_BUFFER_PYRAMID_VALUES,
-                              SPSI_BUFFER_LEVEL_GRIDS, SPSI_BUFFER_LEVEL_VALUES, SPSI_BUFFER_THIRDS};
+    static const int own[] = {SPSI_BUFFER_PYRAMIDS,    SPSI_BUFFER_PYRAMID_GRIDS, SPSI_BUFFER_PYRAMID_VALUES,
+                              SPSI_BUFFER_LEVEL_GRIDS, SPSI_BUFFER_LEVEL_VALUES,  SPSI_BUFFER_THIRDS};
     for (int kind = GAS; kind <= MIXED; kind += MIXED) {
         sps_context *fresh = check_context(NULL);
         const spsi_pyramid *fields;

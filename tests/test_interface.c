@@ -75,8 +75,8 @@ static void test_revision_and_looks(void) {
 /* Transfer functions by points: the same shape stretched over twice the range of values shows fewer or more voxels,
    although the same entries of the table have extinction. */
 static void test_revision_and_points(void) {
-    static const sps_transfer_point narrow[] = {{0.2f, {1, 1, 1}, 0}, {0.4f, {1, 1, 1}, 9}};
-    static const sps_transfer_point wide[] = {{0.4f, {1, 1, 1}, 0}, {0.8f, {1, 1, 1}, 9}};
+    static const sps_transfer_point narrow[] = {{0.2f, {1, 1, 1}, 0, {0, 0, 0}}, {0.4f, {1, 1, 1}, 9, {0, 0, 0}}};
+    static const sps_transfer_point wide[] = {{0.4f, {1, 1, 1}, 0, {0, 0, 0}}, {0.8f, {1, 1, 1}, 9, {0, 0, 0}}};
     mixed m;
     sps_context *context = keeping_build(&m, 1);
     m.s.volume[0] = m.s.volume[1];

@@ -110,7 +110,8 @@ static void test_small_particles(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 8; ++n) {
         const int soft = n % 2;
-        const double r = radii[n / 2], depth = r < SPSI_SPHERE_LEAST ? 0.0009 : 0.1; /* denser ones keep what they stop */
+        const double r = radii[n / 2],
+                     depth = r < SPSI_SPHERE_LEAST ? 0.0009 : 0.1; /* denser ones keep what they stop */
         const double whole = depth * r * r * PI * (soft ? 2.0 / 5 : 2.0 / 3);
         for (int i = 0; i < 256; ++i) {
             const double px = (i % 16 + 0.5) / 16, py = (i / 16 + 0.5) / 16;
@@ -264,7 +265,8 @@ static void check_boxes(const fixture *f, const sps_tmap *map, double slab, doub
    quarter of a voxel to one that contains everything. A box's density rises no faster than a Gaussian of 0.65 voxels at
    its faces, once for each face that a ray meets at one point: two if it is rotated. */
 static void test_boxes(void) {
-    static const sps_transfer_point points[3] = {{0.2f, {0, 0, 0}, 0}, {0.7f, {0, 0, 0}, 1}, {1.2f, {0, 0, 0}, 1.2f}};
+    static const sps_transfer_point points[3] = {
+        {0.2f, {0, 0, 0}, 0, {0, 0, 0}}, {0.7f, {0, 0, 0}, 1, {0, 0, 0}}, {1.2f, {0, 0, 0}, 1.2f, {0, 0, 0}}};
     static const box_case cases[] = {
         {ORTHO, 0.25, 0, 0, 0},      {ORTHO, 1, 0, 0, 0},         {ORTHO, 2, 0, 0, 0},
         {ORTHO, 4, 0, 0, 0},         {ORTHO, 1000, 0, 0, 0},      {ORTHO, 0.5, 0.5, 0, 0},
@@ -407,7 +409,7 @@ static void test_cut_kernels(void) {
    1.82. A texel has the kernel's integral along its ray, 0.21 or 0.0018, or nothing. Half of that decides between the
    two: the sum over a classified slab's parts is not exact. */
 static void test_classified_kernels(void) {
-    const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0}, {1, {1, 1, 1}, 1}};
+    const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0, {0, 0, 0}}, {1, {1, 1, 1}, 1, {0, 0, 0}}};
     const sps_transfer transfer = {points, 2, NULL, NULL, 0};
     static float values[10 * 10 * 10];
     sps_context *context = sps_create(NULL, NULL);

@@ -304,9 +304,11 @@ static double dome(const void *user, const double p[3]) {
     return 0.9 * exp(-3 * square);
 }
 
-static const sps_transfer_point soft_points[2] = {{0.1f, {0.9f, 0.3f, 0.2f}, 0}, {0.9f, {0.2f, 0.4f, 0.9f}, 6}};
-static const sps_transfer_point hard_points[3] = {
-    {0.3f, {0.3f, 0.8f, 0.3f}, 0}, {0.4f, {0.8f, 0.8f, 0.2f}, 12}, {0.9f, {0.9f, 0.9f, 0.9f}, 12}};
+static const sps_transfer_point soft_points[2] = {{0.1f, {0.9f, 0.3f, 0.2f}, 0, {0, 0, 0}},
+                                                  {0.9f, {0.2f, 0.4f, 0.9f}, 6, {0, 0, 0}}};
+static const sps_transfer_point hard_points[3] = {{0.3f, {0.3f, 0.8f, 0.3f}, 0, {0, 0, 0}},
+                                                  {0.4f, {0.8f, 0.8f, 0.2f}, 12, {0, 0, 0}},
+                                                  {0.9f, {0.9f, 0.9f, 0.9f}, 12, {0, 0, 0}}};
 
 /* `first` and `second`: which of the two exist. */
 static int render_classified(int first, int second, int march, float *image) {
@@ -424,7 +426,8 @@ static double ramp(const void *user, const double p[3]) {
    0.65 / 0.1 in either direction across, where values are below 0.65, and each reduces a cosine by half its square: 0.7
    %. */
 static void test_eye_amid_surface(void) {
-    static const sps_transfer_point points[2] = {{0, {0.8f, 0.8f, 0.8f}, 10}, {2, {0.8f, 0.8f, 0.8f}, 10}};
+    static const sps_transfer_point points[2] = {{0, {0.8f, 0.8f, 0.8f}, 10, {0, 0, 0}},
+                                                 {2, {0.8f, 0.8f, 0.8f}, 10, {0, 0, 0}}};
     static check_field field;
     for (int n = 0; n < 13; ++n) {
         static const double directions[7][3] = {{1, 0, 0},        {-1, 0, 0},       {0, 1, 0.1}, {0, 0, -1},
@@ -468,8 +471,10 @@ static void test_eye_amid_surface(void) {
    1 / extinction, to the 0.05 % that kernels' cut tails take. Ripple does not matter. Slabs of two voxels have an
    optical depth of 2 and more, and 1.1 % of a mean distance comes from the pieces that they are shaded in: 2 %. */
 static void test_eye_amid_even(void) {
-    static const sps_transfer_point points[4] = {
-        {0.9f, {1, 1, 1}, 0}, {0.92f, {1, 1, 1}, 10}, {1.08f, {1, 1, 1}, 10}, {1.1f, {1, 1, 1}, 0}};
+    static const sps_transfer_point points[4] = {{0.9f, {1, 1, 1}, 0, {0, 0, 0}},
+                                                 {0.92f, {1, 1, 1}, 10, {0, 0, 0}},
+                                                 {1.08f, {1, 1, 1}, 10, {0, 0, 0}},
+                                                 {1.1f, {1, 1, 1}, 0, {0, 0, 0}}};
     for (int n = 0; n < 18; ++n) {
         static const double directions[6][3] = {{1, 0, 0},      {-1, 0, 0},       {0, 1, 0.1},
                                                 {0.1, 0.2, -1}, {0.6, -0.5, 0.4}, {-0.3, 0.4, 0.8}};
@@ -564,7 +569,7 @@ static double rising(const void *user, const double p[3]) {
    these, 1/12 voxel^2 by Euler-Maclaurin. Slabs of a voxel are the thickest that can follow that bend. */
 static void test_cut_slab_of_rising(void) {
     static const double k = 4;
-    static const sps_transfer_point points[2] = {{0, {0, 0, 0}, 0}, {1, {0, 0, 0}, 4}};
+    static const sps_transfer_point points[2] = {{0, {0, 0, 0}, 0, {0, 0, 0}}, {1, {0, 0, 0}, 4, {0, 0, 0}}};
     check_field field;
     sps_transfer transfer;
     for (int n = 0; n < 2; ++n) {
@@ -647,7 +652,7 @@ static void test_lit_down_to_the_ground(void) {
    half a part; a light's texel, of at most 6 / 1024 units, the box's diagonal with its kernels' reach, blurs that by
    5 / 3 of its size along z. The ripple is medium quality's. */
 static void test_shadow_edge_in_slabs(void) {
-    static const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0}, {1, {1, 1, 1}, 1e-4f}};
+    static const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0, {0, 0, 0}}, {1, {1, 1, 1}, 1e-4f, {0, 0, 0}}};
     const double way = 0.2 / cos(0.5 * acos(0.8)),
                  texel = 6.0 / 1024; /* through slabs, which face the half-way vector */
     sps_transfer transfer;
@@ -701,7 +706,8 @@ static void test_passed_by(void) {
     static const float onsets[4] = {0, 1.0f / SPSI_TABLE_SIZE, 0.25f, 1};
     static spsi_table table;
     for (int n = 0; n < 4; ++n) {
-        const sps_transfer_point points[3] = {{0, {1, 1, 1}, 0}, {onsets[n], {1, 1, 1}, 0}, {1.25f, {1, 1, 1}, 3}};
+        const sps_transfer_point points[3] = {
+            {0, {1, 1, 1}, 0, {0, 0, 0}}, {onsets[n], {1, 1, 1}, 0, {0, 0, 0}}, {1.25f, {1, 1, 1}, 3, {0, 0, 0}}};
         const float clear = onsets[n] * SPSI_TABLE_SIZE / 1.25f;
         sps_transfer transfer = {0};
         spsi_material material;
@@ -724,8 +730,9 @@ static void test_passed_by(void) {
 
 /* Entry i of a table is for the value i / SPSI_TABLE_SIZE, including the last one, by points or by a callback. */
 static void test_table_entries(void) {
-    static const sps_transfer_point by_points[3] = {
-        {0, {0, 1, 0.25f}, 0}, {0.5f, {0.5f, 0.5f, 0.25f}, 1.5f}, {1, {1, 0, 0.25f}, 3}};
+    static const sps_transfer_point by_points[3] = {{0, {0, 1, 0.25f}, 0, {0, 0, 0}},
+                                                    {0.5f, {0.5f, 0.5f, 0.25f}, 1.5f, {0, 0, 0}},
+                                                    {1, {1, 0, 0.25f}, 3, {0, 0, 0}}};
     static spsi_table table;
     for (int n = 0; n < 2; ++n) {
         int asked = 0;
@@ -749,8 +756,10 @@ static void test_table_entries(void) {
 /* Values up to one are visible if any of them has extinction by linear interpolation between the table's entries. At
    an entry's own value, the line behind it may count, too. */
 static void test_what_shows(void) {
-    static const sps_transfer_point band[4] = {
-        {0.25f, {1, 1, 1}, 0}, {0.2501f, {1, 1, 1}, 5}, {0.5f, {1, 1, 1}, 5}, {0.5001f, {1, 1, 1}, 0}};
+    static const sps_transfer_point band[4] = {{0.25f, {1, 1, 1}, 0, {0, 0, 0}},
+                                               {0.2501f, {1, 1, 1}, 5, {0, 0, 0}},
+                                               {0.5f, {1, 1, 1}, 5, {0, 0, 0}},
+                                               {0.5001f, {1, 1, 1}, 0, {0, 0, 0}}};
     static spsi_table table;
     const int first = SPSI_TABLE_SIZE / 4; /* without extinction */
     spsi_material material;
@@ -803,7 +812,7 @@ static int mark_held(void) {
 /* Exactly those voxels are held that are within two voxels of a place with a visible neighbour: within three of a
    visible voxel along each axis, across blocks. */
 static void test_held_voxels(void) {
-    static const sps_transfer_point points[2] = {{0.5f, {1, 1, 1}, 0}, {1, {1, 1, 1}, 1}};
+    static const sps_transfer_point points[2] = {{0.5f, {1, 1, 1}, 0, {0, 0, 0}}, {1, {1, 1, 1}, 1, {0, 0, 0}}};
     sps_transfer transfer;
     check_random random;
     check_array array;
@@ -845,8 +854,10 @@ static int range_constant(void *user, const int lo[3], const int size[3], float 
 /* Where matter of value 1 ends, its value falls to 0, through the visible values of a transfer function. A range_fn
    that returns 1 everywhere keeps that in the picture. */
 static void test_shell_of_constant(void) {
-    static const sps_transfer_point shell[4] = {
-        {0.2f, {1, 1, 1}, 0}, {0.4f, {1, 1, 1}, 30}, {0.6f, {1, 1, 1}, 30}, {0.8f, {1, 1, 1}, 0}};
+    static const sps_transfer_point shell[4] = {{0.2f, {1, 1, 1}, 0, {0, 0, 0}},
+                                                {0.4f, {1, 1, 1}, 30, {0, 0, 0}},
+                                                {0.6f, {1, 1, 1}, 30, {0, 0, 0}},
+                                                {0.8f, {1, 1, 1}, 0, {0, 0, 0}}};
     sps_transfer transfer;
     memset(&transfer, 0, sizeof transfer);
     transfer.points = shell;

@@ -655,7 +655,8 @@ static float half_value = 0.4f;
 
 /* Two sets, a classified volume, a gas, a floor, and lights from two sides. */
 static void build_mixed(stage *x) {
-    static const sps_transfer_point points[] = {{0, {0.9f, 0.5f, 0.3f}, 0}, {1, {0.9f, 0.5f, 0.3f}, 8}};
+    static const sps_transfer_point points[] = {{0, {0.9f, 0.5f, 0.3f}, 0, {0, 0, 0}},
+                                                {1, {0.9f, 0.5f, 0.3f}, 8, {0, 0, 0}}};
     static const sps_transfer transfer = {points, 2, NULL, NULL, 0};
     const double origin[3] = {-2, -0.6, 2}, u[3] = {4, 0, 0}, v[3] = {0, 0.3, -4};
     sps_volume *volume;
@@ -820,7 +821,7 @@ static void test_many(void) {
 
 /* A classified volume shaded as a surface adds margins to tiles, which do not affect particles. */
 static void test_margins(void) {
-    static const sps_transfer_point points[] = {{0, {1, 1, 1}, 0}, {1, {1, 1, 1}, 8}};
+    static const sps_transfer_point points[] = {{0, {1, 1, 1}, 0, {0, 0, 0}}, {1, {1, 1, 1}, 8, {0, 0, 0}}};
     static const sps_transfer transfer = {points, 2, NULL, NULL, 0};
     stage x;
     sps_volume *volume;

@@ -253,7 +253,8 @@ static void add_waves(check_scene *s) {
 enum { GAS, TABLE, SWARM, BOTH, FLOOR, PANE, GLOWING, EMBERS, KINDS };
 static const char *const names[] = {"gas",   "transfer", "particles", "gas and particles",
                                     "floor", "pane",     "glowing",   "all glow"};
-static const sps_transfer_point points[] = {{0, {1, 1, 1}, 0}, {0.5f, {1, 1, 1}, 0.5f}, {1.2f, {1, 1, 1}, 4}};
+static const sps_transfer_point points[] = {
+    {0, {1, 1, 1}, 0, {0, 0, 0}}, {0.5f, {1, 1, 1}, 0.5f, {0, 0, 0}}, {1.2f, {1, 1, 1}, 4, {0, 0, 0}}};
 static const sps_transfer tissue = {points, 3, NULL, NULL, 0};
 
 static void start(check_scene *s, int kind) {

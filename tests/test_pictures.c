@@ -142,7 +142,7 @@ static void test_slabs_and_texels(void) {
     static const double slabs[2][4] = {{2, 1, 0.5, 0.25}, {1.4, 0.7, 0.4, 0.2}};
     static const double texels[2][4] = {{0.75, 1, 2, 4}, {1, 1.25, 2, 4}};
     const double voxels = 20 + 2 * 2.5;
-    const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0}, {1, {1, 1, 1}, 5}};
+    const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0, {0, 0, 0}}, {1, {1, 1, 1}, 5, {0, 0, 0}}};
     sps_transfer transfer;
     memset(&transfer, 0, sizeof transfer);
     transfer.points = points;
@@ -303,7 +303,8 @@ static void test_mean_way(void) {
    ultra is a third of the difference; as much again is allowed, and RIPPLE of three passes through the gas, where
    extinction changes ten times as fast as the value. */
 static void test_light_through_what_is_classified(void) {
-    static const sps_transfer_point points[3] = {{0.9f, {0, 0, 0}, 0}, {1, {0, 0, 0}, 1}, {1.1f, {0, 0, 0}, 0}};
+    static const sps_transfer_point points[3] = {
+        {0.9f, {0, 0, 0}, 0, {0, 0, 0}}, {1, {0, 0, 0}, 1, {0, 0, 0}}, {1.1f, {0, 0, 0}, 0, {0, 0, 0}}};
     static const sps_transfer transfer = {points, 3, NULL, NULL, 0};
     check_triangles triangles = {NULL, 0, 0, 0, 0};
     float reference[4 * 16];
@@ -345,7 +346,8 @@ static double depth_of_faces(void) {
    its maximum. At high and ultra quality optical depth is right, too: the error of parabolas through slabs of up to 0.4
    voxels is cubic in these, and that of straight lines, or none, would be visible. */
 static void test_light_as_eye(void) {
-    static const sps_transfer_point points[3] = {{0, {0, 0, 0}, 0}, {0.45f, {0, 0, 0}, 5}, {0.9f, {0, 0, 0}, 0}};
+    static const sps_transfer_point points[3] = {
+        {0, {0, 0, 0}, 0, {0, 0, 0}}, {0.45f, {0, 0, 0}, 5, {0, 0, 0}}, {0.9f, {0, 0, 0}, 0, {0, 0, 0}}};
     static const sps_transfer transfer = {points, 3, NULL, NULL, 0};
     for (int n = 0; n < 4; ++n) {
         check_triangles triangles = {NULL, 0, 0, 0, 0};
@@ -511,7 +513,8 @@ static void test_patches(void) {
    points away from the eye. Values are RIPPLE off, extinction twice that, and the way in and out absorbs at most twice
    the total optical depth. */
 static void test_faces_of_a_slab(void) {
-    static const sps_transfer_point points[3] = {{0.1f, {1, 1, 1}, 0}, {0.5f, {1, 1, 1}, 0.02f}, {0.9f, {1, 1, 1}, 0}};
+    static const sps_transfer_point points[3] = {
+        {0.1f, {1, 1, 1}, 0, {0, 0, 0}}, {0.5f, {1, 1, 1}, 0.02f, {0, 0, 0}}, {0.9f, {1, 1, 1}, 0, {0, 0, 0}}};
     static const sps_transfer transfer = {points, 3, NULL, NULL, 0};
     const float shininess = 8;
     const double tilt = 0.3, highlight = ((double)shininess + 8) / 8 * pow(cos(tilt / 2), (double)shininess);
@@ -713,8 +716,9 @@ static double ball(const void *user, const double p[3]) {
 /* A shaded ball whose values fall by 0.04 per voxel, so that it is four parts surface and one part gas, with a
    highlight. Every field that has a default is 0. */
 static sps_volume *add_ball(check_scene *s, check_field *field) {
-    static const sps_transfer_point points[3] = {
-        {0.08f, {0.8f, 0.5f, 0.3f}, 0}, {0.2f, {0.7f, 0.6f, 0.4f}, 9}, {0.4f, {1, 1, 1}, 20}};
+    static const sps_transfer_point points[3] = {{0.08f, {0.8f, 0.5f, 0.3f}, 0, {0, 0, 0}},
+                                                 {0.2f, {0.7f, 0.6f, 0.4f}, 9, {0, 0, 0}},
+                                                 {0.4f, {1, 1, 1}, 20, {0, 0, 0}}};
     static const sps_transfer transfer = {points, 3, NULL, NULL, 0};
     sps_volume *volume = check_add_volume(s, 20, 20, 20, check_box(-1, -1, -1, 1, 1, 1));
     memset(field, 0, sizeof *field);

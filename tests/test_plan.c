@@ -66,8 +66,9 @@ static void ball_clear_counts(ball *b) {
 
 /* -------------------------------------------------------------------------------------------------------- the scene */
 
-static const sps_transfer_point points[] = {
-    {0, {0.5f, 0.5f, 0.5f}, 0}, {0.5f, {0.5f, 0.5f, 0.5f}, 0}, {1, {0.5f, 0.5f, 0.5f}, 9}};
+static const sps_transfer_point points[] = {{0, {0.5f, 0.5f, 0.5f}, 0, {0, 0, 0}},
+                                            {0.5f, {0.5f, 0.5f, 0.5f}, 0, {0, 0, 0}},
+                                            {1, {0.5f, 0.5f, 0.5f}, 9, {0, 0, 0}}};
 static const sps_transfer grey_transfer = {points, 3, NULL, NULL, 0};
 
 typedef struct setup {
@@ -407,7 +408,7 @@ static void test_gradient(void) {
 static void test_grey(const outcome *full) {
     CHECK(full->plan.color_channels == 1);
     for (int i = 0; i < 8; ++i) {
-        static const sps_transfer_point colored[] = {{0, {1, 1, 1}, 0}, {1, {1, 0.5f, 1}, 9}};
+        static const sps_transfer_point colored[] = {{0, {1, 1, 1}, 0, {0, 0, 0}}, {1, {1, 0.5f, 1}, 9, {0, 0, 0}}};
         static const sps_transfer transfer = {colored, 2, NULL, NULL, 0};
         setup t;
         outcome o;

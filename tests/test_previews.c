@@ -9,8 +9,9 @@ static float lumps[GRID * GRID * GRID], one = 1;
 static sps_context *context;
 static check_triangles faces;
 
-static const sps_transfer_point skin_points[3] = {
-    {0.2f, {0.8f, 0.6f, 0.4f}, 0}, {0.3f, {0.8f, 0.6f, 0.4f}, 30}, {1, {0.9f, 0.9f, 0.9f}, 30}};
+static const sps_transfer_point skin_points[3] = {{0.2f, {0.8f, 0.6f, 0.4f}, 0, {0, 0, 0}},
+                                                  {0.3f, {0.8f, 0.6f, 0.4f}, 30, {0, 0, 0}},
+                                                  {1, {0.9f, 0.9f, 0.9f}, 30, {0, 0, 0}}};
 static const sps_transfer skin = {skin_points, 3, NULL, NULL, 0};
 
 /* --- the plan --- */

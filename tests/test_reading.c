@@ -78,8 +78,9 @@ static void make_values(void) {
 }
 
 /* A table's entries are 1/2048 apart; values are farther than that from 0.3, from which on there is extinction. */
-static const sps_transfer_point look_points[] = {
-    {0.3f, {0.9f, 0.8f, 0.7f}, 0}, {0.5f, {0.9f, 0.5f, 0.3f}, 0.4f}, {1, {0.2f, 0.3f, 0.4f}, 0}};
+static const sps_transfer_point look_points[] = {{0.3f, {0.9f, 0.8f, 0.7f}, 0, {0, 0, 0}},
+                                                 {0.5f, {0.9f, 0.5f, 0.3f}, 0.4f, {0, 0, 0}},
+                                                 {1, {0.2f, 0.3f, 0.4f}, 0, {0, 0, 0}}};
 static const sps_transfer look = {look_points, 3, NULL, NULL, 0};
 
 static void start(check_scene *s, kind which, source *from, int concurrent) {
@@ -530,8 +531,9 @@ static void test_planned(void) {
 
 /* Behind the last point of a transfer function its appearance goes on, up to any value_max. */
 static void test_behind_the_last_point(void) {
-    static const sps_transfer_point points[] = {
-        {0.1f, {0.9f, 0.8f, 0.7f}, 0}, {0.4f, {0.6f, 0.5f, 0.3f}, 0.3f}, {1, {0.6f, 0.5f, 0.3f}, 0.3f}};
+    static const sps_transfer_point points[] = {{0.1f, {0.9f, 0.8f, 0.7f}, 0, {0, 0, 0}},
+                                                {0.4f, {0.6f, 0.5f, 0.3f}, 0.3f, {0, 0, 0}},
+                                                {1, {0.6f, 0.5f, 0.3f}, 0.3f, {0, 0, 0}}};
     sps_transfer ends_early = {points, 2, NULL, NULL, 1}, ends = {points, 3, NULL, NULL, 1};
     for (int i = 0; i < 2; ++i) {
         check_hooks hooks;
@@ -570,7 +572,7 @@ static void test_hidden(void) {
     static sps_context none;
     check_random random = {2};
     for (int n = 0; n < 60; ++n) {
-        sps_transfer_point points[2] = {{0, {1, 1, 1}, 0}, {0, {1, 1, 1}, 1}};
+        sps_transfer_point points[2] = {{0, {1, 1, 1}, 0, {0, 0, 0}}, {0, {1, 1, 1}, 1, {0, 0, 0}}};
         sps_transfer transfer = {points, 2, NULL, NULL, 0};
         spsi_material material;
         memset(&material, 0, sizeof material);
@@ -579,7 +581,8 @@ static void test_hidden(void) {
         points[0].extinction = n == 1;
         points[1].value = points[0].value + (float)check_next(&random);
         transfer.value_max = n % 3 ? 1 : 0;
-        if (!CHECK(spsi_transfer_tabulate(&none, &transfer, 0, &material) == SPS_OK) || !material.extinguishes) continue;
+        if (!CHECK(spsi_transfer_tabulate(&none, &transfer, 0, &material) == SPS_OK) || !material.extinguishes)
+            continue;
         int first = 0;
         while (!(table.entry[first][3] > 0)) ++first;
         for (int i = 0; i < 4 * SPSI_TABLE_SIZE; ++i) {

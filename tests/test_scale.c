@@ -86,14 +86,15 @@ static sps_volume *add_field(check_scene *s, check_field *field, double (*value)
 
 static const sps_placement unit_box = {{-0.5, -0.5, -0.5}, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
 
-static sps_transfer_point skin_points[3] = {
-    {0.3f, {0.8f, 0.8f, 0.8f}, 0}, {0.5f, {0.8f, 0.8f, 0.8f}, 20}, {1, {0.8f, 0.8f, 0.8f}, 20}};
+static sps_transfer_point skin_points[3] = {{0.3f, {0.8f, 0.8f, 0.8f}, 0, {0, 0, 0}},
+                                            {0.5f, {0.8f, 0.8f, 0.8f}, 20, {0, 0, 0}},
+                                            {1, {0.8f, 0.8f, 0.8f}, 20, {0, 0, 0}}};
 static sps_transfer skin = {skin_points, 3, NULL, NULL, 0};
 
-static sps_transfer_point layer_points[4] = {{0.2f, {0.8f, 0.5f, 0.3f}, 0},
-                                             {0.35f, {0.8f, 0.5f, 0.3f}, 8},
-                                             {0.6f, {0.8f, 0.7f, 0.6f}, 1},
-                                             {0.9f, {0.9f, 0.9f, 0.9f}, 12}};
+static sps_transfer_point layer_points[4] = {{0.2f, {0.8f, 0.5f, 0.3f}, 0, {0, 0, 0}},
+                                             {0.35f, {0.8f, 0.5f, 0.3f}, 8, {0, 0, 0}},
+                                             {0.6f, {0.8f, 0.7f, 0.6f}, 1, {0, 0, 0}},
+                                             {0.9f, {0.9f, 0.9f, 0.9f}, 12, {0, 0, 0}}};
 static sps_transfer layers = {layer_points, 4, NULL, NULL, 0};
 
 /* --------------------------------------------------------------------------------------------- seen small and large */
@@ -332,7 +333,8 @@ static void test_turning_light(void) {
 static void test_steep_onset(void) {
     for (int shows = 0; shows < 2; ++shows) {
         const float onset = shows ? 0.995f : 1.005f;
-        const sps_transfer_point steep[3] = {{onset, {1, 1, 1}, 0}, {onset * 1.001f, {1, 1, 1}, 1}, {2, {1, 1, 1}, 1}};
+        const sps_transfer_point steep[3] = {
+            {onset, {1, 1, 1}, 0, {0, 0, 0}}, {onset * 1.001f, {1, 1, 1}, 1, {0, 0, 0}}, {2, {1, 1, 1}, 1, {0, 0, 0}}};
         const sps_transfer transfer = {steep, 3, NULL, NULL, 0};
         check_scene s;
         sps_volume *volume;
@@ -512,8 +514,9 @@ static void test_two_tables(void) {
 /* A deep flat skin that faces the eye, lit at an angle: its radiance is the response of its surface times m / (1 + m),
    where m is the light's cosine, in closed form: r / pi m + specular (n + 8) / (8 pi) (n . h)^n m. */
 static void test_highlight(void) {
-    static const sps_transfer_point points[3] = {
-        {0.2f, {0.5f, 0.5f, 0.5f}, 0}, {0.3f, {0.5f, 0.5f, 0.5f}, 40}, {1, {0.5f, 0.5f, 0.5f}, 40}};
+    static const sps_transfer_point points[3] = {{0.2f, {0.5f, 0.5f, 0.5f}, 0, {0, 0, 0}},
+                                                 {0.3f, {0.5f, 0.5f, 0.5f}, 40, {0, 0, 0}},
+                                                 {1, {0.5f, 0.5f, 0.5f}, 40, {0, 0, 0}}};
     static const sps_transfer transfer = {points, 3, NULL, NULL, 0};
     for (int i = 0; i < 4; ++i) {
         const double angle = 0.25 * i, m = cos(angle), shininess = 24;
@@ -564,8 +567,10 @@ static double rims_of_box(double *room) {
     return exact;
 }
 
-static const sps_transfer_point rim_points[4] = {
-    {0.2f, {0.8f, 0.8f, 0.8f}, 0}, {0.35f, {0.8f, 0.8f, 0.8f}, 8}, {0.6f, {0.8f, 0.8f, 0.8f}, 8}, {0.7f, {0, 0, 0}, 0}};
+static const sps_transfer_point rim_points[4] = {{0.2f, {0.8f, 0.8f, 0.8f}, 0, {0, 0, 0}},
+                                                 {0.35f, {0.8f, 0.8f, 0.8f}, 8, {0, 0, 0}},
+                                                 {0.6f, {0.8f, 0.8f, 0.8f}, 8, {0, 0, 0}},
+                                                 {0.7f, {0, 0, 0}, 0, {0, 0, 0}}};
 static const sps_transfer rim = {rim_points, 4, NULL, NULL, 1};
 
 /* Only the faces of a box are visible, where values fall from 1 to 0 outside: none of them may be missed, on any side.
@@ -608,7 +613,8 @@ static double apart(const float *image, const float *other, int pixels) {
 }
 
 /* Gas that moves seams, but is too thin to be seen. */
-static const sps_transfer_point faint_points[2] = {{0.3f, {0.8f, 0.8f, 0.8f}, 0}, {1, {0.8f, 0.8f, 0.8f}, 1e-6f}};
+static const sps_transfer_point faint_points[2] = {{0.3f, {0.8f, 0.8f, 0.8f}, 0, {0, 0, 0}},
+                                                   {1, {0.8f, 0.8f, 0.8f}, 1e-6f, {0, 0, 0}}};
 static const sps_transfer faint = {faint_points, 2, NULL, NULL, 0};
 
 static int read_two_balls(void *user, size_t first, size_t count, sps_particle *out) {
@@ -766,7 +772,7 @@ static behind_near exact_behind_near(double c, double eye, double sigma, int bac
    along each pixel's ray; and the same gas classified, in parts of thin slabs. */
 static void test_near_plane(void) {
     static const double eyes[3] = {2, 5, 2}, angles[3] = {0, 0.08, 0.2};
-    static const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0}, {2, {1, 1, 1}, 3}};
+    static const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0, {0, 0, 0}}, {2, {1, 1, 1}, 3, {0, 0, 0}}};
     static const sps_transfer transfer = {points, 2, NULL, NULL, 0};
     const double sigma = 1.5, ripple = 0.002, blur = 0.65 / 12;
     for (int n = 0; n < 12; ++n) {
@@ -820,7 +826,7 @@ static void test_near_plane(void) {
    texels of the depth map, 1024 across at most 2.5 units. The gas's own attenuation is less than its optical depth on
    both paths. */
 static void test_shadow_in_slab(void) {
-    static const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0}, {1, {1, 1, 1}, 1e-3f}};
+    static const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0, {0, 0, 0}}, {1, {1, 1, 1}, 1e-3f, {0, 0, 0}}};
     static const sps_transfer transfer = {points, 2, NULL, NULL, 0};
     static const double corner[3] = {-3, 0.8, -3}, along[3] = {6, 0, 0}, back[3] = {0, 0, 3.0 + 0.45 / 0.7 * 0.8};
     const double sigma = 1e-3, ripple = 0.004, light[3] = {-0.7, -0.7, -0.45};

@@ -300,7 +300,8 @@ static void test_dense(void) {
 
 /* --- against the reference --- */
 
-static const sps_transfer_point points[] = {{0, {0.9f, 0.9f, 0.5f}, 0}, {1, {0.9f, 0.6f, 0.3f}, 6}};
+static const sps_transfer_point points[] = {{0, {0.9f, 0.9f, 0.5f}, 0, {0, 0, 0}},
+                                            {1, {0.9f, 0.6f, 0.3f}, 6, {0, 0, 0}}};
 static const sps_transfer tissue = {points, 2, NULL, NULL, 0};
 static const sps_lobe lobes[] = {{0.7f, 3}, {-0.2f, 1}};
 

@@ -394,7 +394,8 @@ static int read_bumps(void *user, const int lo[3], const int size[3], float *out
    slabs; the same with voxels of a pixel, whose footprints are narrow enough for two rows in a vector. Quality HIGH,
    where a kernel's last ring that one program may draw and the other not is 6e-4 of its peak. */
 static void scene_build(check_scene *s, check_triangles *triangles, sps_transfer *transfer, int n) {
-    static const sps_transfer_point points[] = {{0.4f, {0.9f, 0.4f, 0.2f}, 0}, {0.8f, {0.3f, 0.9f, 0.5f}, 9}};
+    static const sps_transfer_point points[] = {{0.4f, {0.9f, 0.4f, 0.2f}, 0, {0, 0, 0}},
+                                                {0.8f, {0.3f, 0.9f, 0.5f}, 9, {0, 0, 0}}};
     const double origin[3] = {-1.1, -0.9, 0.1}, u[3] = {2.2, 0.3, 0.2}, v[3] = {0.1, 1.1, -0.9};
     sps_volume *volume;
     check_clear(s, WIDTH, HEIGHT);

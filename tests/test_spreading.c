@@ -596,7 +596,7 @@ static void test_sources(void) {
 
 /* A box of `size` voxels along each axis, whose transfer function is not linear, under a sun, in 12 texels. */
 static void start_classified(check_scene *s, int size) {
-    static const sps_transfer_point points[] = {{0.4f, {1, 1, 1}, 0}, {0.6f, {1, 1, 1}, 4}};
+    static const sps_transfer_point points[] = {{0.4f, {1, 1, 1}, 0, {0, 0, 0}}, {0.6f, {1, 1, 1}, 4, {0, 0, 0}}};
     static sps_transfer transfer;
     transfer.points = points, transfer.point_count = 2;
     start(s, 1);

@@ -26,12 +26,15 @@ static int read_blob(void *user, const int low[3], const int size[3], float *out
 
 static sps_particle swarm[PARTICLES];
 
-static const sps_transfer_point points[] = {
-    {0, {0.5f, 0.5f, 0.5f}, 0}, {0.4f, {0.9f, 0.6f, 0.3f}, 0}, {0.7f, {0.3f, 0.6f, 0.9f}, 12}};
-static const sps_transfer_point other_points[] = {
-    {0, {0.5f, 0.5f, 0.5f}, 0}, {0.4f, {0.9f, 0.6f, 0.3f}, 0}, {0.7f, {0.3f, 0.6f, 0.9f}, 9}};
-static const sps_transfer_point wide_points[] = {
-    {0, {0.5f, 0.5f, 0.5f}, 0}, {0.8f, {0.9f, 0.6f, 0.3f}, 0}, {1.4f, {0.3f, 0.6f, 0.9f}, 12}};
+static const sps_transfer_point points[] = {{0, {0.5f, 0.5f, 0.5f}, 0, {0, 0, 0}},
+                                            {0.4f, {0.9f, 0.6f, 0.3f}, 0, {0, 0, 0}},
+                                            {0.7f, {0.3f, 0.6f, 0.9f}, 12, {0, 0, 0}}};
+static const sps_transfer_point other_points[] = {{0, {0.5f, 0.5f, 0.5f}, 0, {0, 0, 0}},
+                                                  {0.4f, {0.9f, 0.6f, 0.3f}, 0, {0, 0, 0}},
+                                                  {0.7f, {0.3f, 0.6f, 0.9f}, 9, {0, 0, 0}}};
+static const sps_transfer_point wide_points[] = {{0, {0.5f, 0.5f, 0.5f}, 0, {0, 0, 0}},
+                                                 {0.8f, {0.9f, 0.6f, 0.3f}, 0, {0, 0, 0}},
+                                                 {1.4f, {0.3f, 0.6f, 0.9f}, 12, {0, 0, 0}}};
 static const sps_transfer tissue = {points, 3, NULL, NULL, 0}, other_tissue = {other_points, 3, NULL, NULL, 0};
 static const sps_transfer wide_tissue = {wide_points, 3, NULL, NULL, 0}; /* that of `tissue` at half the value */
 
@@ -393,9 +396,7 @@ static void test_updated(void) {
             }
             for (int frame = 0; frame < 2; ++frame) {
                 move_lump(&s, kind);
-                for (int i = 0; i < contexts; ++i) {
-                    CHECK(check_update(holders[i], &s, names[kind]) >= 1);
-                }
+                for (int i = 0; i < contexts; ++i) { CHECK(check_update(holders[i], &s, names[kind]) >= 1); }
             }
             for (int i = 0; i < contexts; ++i) sps_destroy(holders[i]);
         }

@@ -22,8 +22,9 @@ static double waves(const void *user, const double p[3]) {
 }
 
 static const check_field wave_field = {waves, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
-static const sps_transfer_point points[] = {
-    {0, {0.5f, 0.5f, 0.5f}, 0}, {0.5f, {0.9f, 0.6f, 0.3f}, 0}, {1.2f, {0.4f, 0.6f, 0.9f}, 2}};
+static const sps_transfer_point points[] = {{0, {0.5f, 0.5f, 0.5f}, 0, {0, 0, 0}},
+                                            {0.5f, {0.9f, 0.6f, 0.3f}, 0, {0, 0, 0}},
+                                            {1.2f, {0.4f, 0.6f, 0.9f}, 2, {0, 0, 0}}};
 static const sps_transfer tissue = {points, 3, NULL, NULL, 0};
 static sps_particle swarm[PARTICLES];
 

@@ -633,7 +633,7 @@ static void print_classified(ex_session *session, const sps_transfer *transfer, 
 }
 
 static void bench_classified(void) {
-    static const sps_transfer_point points[2] = {{0.05f, {1, 1, 1}, 0}, {0.4f, {1, 1, 1}, 3}};
+    static const sps_transfer_point points[2] = {{0.05f, {1, 1, 1}, 0, {0, 0, 0}}, {0.4f, {1, 1, 1}, 3, {0, 0, 0}}};
     static float references[2][4 * DENSE_SIZE * DENSE_SIZE];
     const sps_transfer transfer = {points, 2, NULL, NULL, 0};
     ex_session session;

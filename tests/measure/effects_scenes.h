@@ -251,14 +251,16 @@ static inline void ex_color_albedo(ex_stage *s) { ex_color(s->clouds[0].albedo, 
 
 /* Opaque from a value of one half on. */
 static inline void ex_classify(ex_stage *s) {
-    static const sps_transfer_point points[3] = {
-        {0.4f, {0.8f, 0.5f, 0.3f}, 0}, {0.5f, {0.8f, 0.5f, 0.3f}, 20}, {1, {0.9f, 0.8f, 0.7f}, 20}};
+    static const sps_transfer_point points[3] = {{0.4f, {0.8f, 0.5f, 0.3f}, 0, {0, 0, 0}},
+                                                 {0.5f, {0.8f, 0.5f, 0.3f}, 20, {0, 0, 0}},
+                                                 {1, {0.9f, 0.8f, 0.7f}, 20, {0, 0, 0}}};
     s->transfer.points = points, s->transfer.point_count = 3;
     s->clouds[0].transfer = &s->transfer;
 }
 /* What the cloud is without a transfer function. */
 static inline void ex_classify_as_is(ex_stage *s) {
-    static const sps_transfer_point points[2] = {{0, {0.7f, 0.8f, 0.9f}, 0}, {1, {0.7f, 0.8f, 0.9f}, 3}};
+    static const sps_transfer_point points[2] = {{0, {0.7f, 0.8f, 0.9f}, 0, {0, 0, 0}},
+                                                 {1, {0.7f, 0.8f, 0.9f}, 3, {0, 0, 0}}};
     s->transfer.points = points, s->transfer.point_count = 2;
     s->clouds[0].transfer = &s->transfer;
 }

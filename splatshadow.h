@@ -299,7 +299,15 @@ typedef struct sps_volume {
     const sps_lobe *lobes; /* NULL: isotropic */
     int lobe_count;        /* 0..8 */
 
+    /* Optional, without a transfer function: color per voxel, in the blocks and threads of read_fn. Writes packed
+       triples: albedo (arrives filled with `albedo`), and emission (arrives as 0) in radiance per world unit, added to
+       that by value. Either pointer is NULL where not needed. Interpolation weighs albedo by extinction. */
+    int (*appearance_fn)(void *user, const int lo[3], const int size[3], float *albedo, float *emission);
+
     const sps_transfer *transfer; /* NULL: gas; otherwise replaces extinction, albedo and emission */
+    /* 1: the transfer function applies to voxels, whose extinction and colors are interpolated (for labels; values of 0
+       are empty). gradient_full then counts in fractions of the largest extinction. 0: to interpolated values. */
+    int classify_voxels;
     sps_shading shading;          /* with a transfer function */
     float gradient_full;          /* gradient (value per voxel) above which all is surface; 0 means 0.05 */
     float specular;               /* strength of the highlight, 0..1 */
@@ -1712,6 +1720,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_CONTENT, /* >>scene */
     SPSI_BUFFER_TABLES,
     SPSI_BUFFER_GLOW_TABLES, /* classified emission, >>transfer */
+    SPSI_BUFFER_CLASSIFIERS, /* of voxels, >>scene */
     SPSI_BUFFER_MESHES,
     SPSI_BUFFER_LIGHTS,
     SPSI_BUFFER_LIGHT_POINTS, /* sample points of area lights */
@@ -2706,6 +2715,8 @@ typedef struct spsi_material {
     int medium;
     float specular, shininess;
     int scatters, emits, extinguishes;
+    int colored; /* channels with values times albedo that follow: 0, 1 (grey) or 3 */
+    int carries; /* 1: such a channel */
     const spsi_forward *forward; /* NULL: single scattering */
 } spsi_material;
 
@@ -3833,9 +3844,21 @@ typedef struct spsi_lattice {
     double voxel_volume;
 } spsi_lattice;
 
+/* What of a volume a medium holds. Colored ones are several media, in this order, over equal lattices. */
+typedef enum spsi_part {
+    SPSI_PART_VALUES, /* values, or classified voxels' extinction */
+    SPSI_PART_RED,    /* these times albedo; green and blue follow */
+    SPSI_PART_GLOW_RED = SPSI_PART_RED + 3 /* emission per voxel; green and blue follow */
+} spsi_part;
+
 typedef struct spsi_medium {
     sps_volume given;      /* concurrent is also set for an sps_grid */
     int index;
+    int part;                        /* spsi_part, or green or blue */
+    int follows;                     /* albedo: number of media since the values; else 0 */
+    int again;                       /* 1: an earlier medium reads the same voxels */
+    const spsi_material *classifier; /* classifies voxels; NULL: none */
+    float unit;                      /* largest classified extinction */
     spsi_lattice *lattice;
     int channel;           /* eye-sheet channel, also material index */
     int light_channel;     /* channel in light sheets; 0: unclassified */
@@ -4279,6 +4302,10 @@ SPSI_COLD sps_result spsi_check_volume(sps_context *context, const sps_volume *v
     spsi_check_lobes(&at, volume->lobes, volume->lobe_count);
     spsi_check_bounded(&at, looks, sizeof looks / sizeof *looks);
     spsi_check_color(&at, "ambient", volume->ambient, SPSI_VALUE_MAX);
+    if (volume->transfer && volume->appearance_fn)
+        spsi_wrong_that(&at, "appearance_fn", 0, "must be NULL with a transfer function");
+    if (volume->classify_voxels && !volume->transfer)
+        spsi_wrong(&at, "classify_voxels", volume->classify_voxels, "it needs a transfer function");
     if (volume->transfer) return context->result;
     spsi_check_color(&at, "albedo", volume->albedo, 1);
     return spsi_check_color(&at, "emission", volume->emission, SPSI_VALUE_MAX);
@@ -4681,47 +4708,95 @@ SPSI_COLD void spsi_material_ambient(const spsi_frame *frame, const float ambien
         memcpy(material->ambient, ambient, sizeof material->ambient);
 }
 
-/* Equal materials share a channel, unless emissive or classified. */
+/* True if albedo differs from place to place. */
+static inline int spsi_material_varies(const spsi_material *material) {
+    return material->table != NULL || material->colored > 0;
+}
+
+/* Equal materials share a channel, unless emissive, classified or colored. */
 SPSI_COLD int spsi_take_material(spsi_frame *frame, const spsi_material *material) {
     spsi_matter *matter = &frame->matter;
-    int channel = material->emits || material->table ? matter->material_count : 0;
+    const int apart = material->emits || material->carries || spsi_material_varies(material);
+    int channel = apart ? matter->material_count : 0;
     while (channel < matter->material_count && memcmp(material, &matter->materials[channel], sizeof *material))
         ++channel;
     matter->scatters |= material->scatters;
     matter->emits |= material->emits;
     matter->extinguishes |= material->extinguishes;
-    frame->has_gradients |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
+    frame->has_gradients |= material->scatters && material->shading == SPS_SHADING_SURFACE;
     matter->orders = spsi_imax(matter->orders, spsi_phase_orders(material));
     matter->materials[channel] = *material;
     matter->material_count = spsi_imax(matter->material_count, channel + 1);
     return channel;
 }
 
-SPSI_COLD sps_result spsi_add_material(sps_context *context, spsi_frame *frame, spsi_medium *medium,
-                                       spsi_table *table, spsi_glow_table *glow) {
-    const sps_volume *volume = &medium->given;
-    spsi_material material;
-    memset(&material, 0, sizeof material);
-    spsi_material_lobes(volume->lobes, volume->lobe_count, &material);
-    if (volume->transfer) {
-        frame->matter.classifies = 1;
-        material.table = table;
-        material.glow = spsi_transfer_may_emit(volume->transfer) ? glow : NULL;
-        material.shading = volume->shading;
-        material.gradient_scale =
-            1 / spsi_fmax(volume->gradient_full > 0 ? volume->gradient_full : 0.05f, SPSI_VALUE_MIN);
-        material.voxel_length = (float)cbrt(medium->lattice->voxel_volume);
-        material.medium = (int)(medium - frame->media);
-        material.specular = volume->specular;
-        material.shininess = volume->shininess > 0 ? volume->shininess : 32;
-        if (spsi_transfer_tabulate(context, volume->transfer, medium->index, &material)) return context->result;
-        medium->light_channel = frame->matter.light_channel_count++;
-    } else {
-        spsi_material_gas(volume->extinction, volume->albedo, volume->emission, &material);
+SPSI_COLD void spsi_material_surface(const sps_volume *volume, const spsi_medium *medium, spsi_material *material) {
+    material->shading = volume->shading;
+    material->gradient_scale =
+        1 / spsi_fmax(volume->gradient_full > 0 ? volume->gradient_full : 0.05f, SPSI_VALUE_MIN);
+    material->voxel_length = (float)cbrt(medium->lattice->voxel_volume);
+    material->medium = medium->lattice->medium;
+    material->specular = volume->specular;
+    material->shininess = volume->shininess > 0 ? volume->shininess : 32;
+}
+
+/* Albedo of all entries with extinction: 0 if uniform (`albedo` receives it), 1 if grey, else 3. */
+SPSI_COLD int spsi_table_colors(const spsi_table *table, float albedo[3]) {
+    int uniform = 1, grey = 1, first = 1;
+    for (int i = 0; i <= SPSI_TABLE_SIZE; ++i) {
+        const float *entry = table->entry[i];
+        if (!(entry[3] > 0)) continue;
+        if (first) memcpy(albedo, entry, 3 * sizeof *entry);
+        uniform &= memcmp(albedo, entry, 3 * sizeof *entry) == 0;
+        grey &= spsi_grey(entry);
+        first = 0;
     }
-    spsi_material_ambient(frame, volume->ambient, &material);
-    medium->channel = spsi_take_material(frame, &material);
+    return uniform ? 0 : grey ? 1 : 3;
+}
+
+SPSI_COLD int spsi_glow_colors(spsi_glow_table *glow) {
+    int grey = 1;
+    for (int i = 0; i <= SPSI_TABLE_SIZE && glow; ++i) grey &= spsi_grey((*glow)[i]);
+    return !glow ? 0 : grey ? 1 : 3;
+}
+
+/* What a volume's media have in common. */
+typedef struct spsi_parts {
+    spsi_material material;    /* of its values */
+    spsi_material *classifier; /* of voxels; NULL: none */
+    float unit;                /* largest classified extinction */
+    int values, colors, glows; /* media of each kind */
+} spsi_parts;
+
+/* Memory for the next volumes. */
+typedef struct spsi_tables {
+    spsi_table *table;
+    spsi_glow_table *glow;
+    spsi_material *classifier;
+} spsi_tables;
+
+SPSI_COLD sps_result spsi_parts_classified(sps_context *context, const sps_volume *volume, int index,
+                                           spsi_parts *parts) {
+    static const float black[3] = {0, 0, 0};
+    float albedo[3] = {0, 0, 0};
+    if (spsi_transfer_tabulate(context, volume->transfer, index, parts->classifier)) return context->result;
+    const spsi_table *table = parts->classifier->table;
+    for (int i = 0; i <= SPSI_TABLE_SIZE; ++i) parts->unit = spsi_fmax(parts->unit, table->entry[i][3]);
+    parts->colors = spsi_table_colors(table, albedo);
+    for (int c = 0; c < 3 && parts->colors > 0; ++c) albedo[c] = 1;
+    parts->values = parts->unit > 0;
+    parts->glows = spsi_glow_colors(parts->classifier->glow);
+    spsi_material_gas(parts->unit, albedo, black, &parts->material);
+    parts->material.table_scale = SPSI_TABLE_SIZE; /* values are 0..1 */
     return SPS_OK;
+}
+
+SPSI_COLD void spsi_parts_colored(const sps_volume *volume, spsi_parts *parts) {
+    static const float white[3] = {1, 1, 1};
+    spsi_material_gas(volume->extinction, white, volume->emission, &parts->material);
+    parts->values = parts->material.extinguishes || parts->material.emits;
+    parts->colors = parts->material.extinguishes ? 3 : 0;
+    parts->glows = 3;
 }
 
 SPSI_COLD sps_result spsi_medium_place(sps_context *context, const sps_volume *volume, const spsi_medium *medium) {
@@ -4758,36 +4833,103 @@ static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bo
 }
 
 static int spsi_volume_shows(const sps_volume *volume) {
-    return spsi_volume_present(volume) && (volume->transfer || volume->extinction > 0 || !spsi_black(volume->emission));
+    return spsi_volume_present(volume) && (volume->transfer || volume->appearance_fn || volume->extinction > 0 ||
+                                           !spsi_black(volume->emission));
+}
+
+/* Sets what the volume's values are, and takes the tables it needs. */
+SPSI_COLD sps_result spsi_parts_build(sps_context *context, const sps_volume *volume, int index, spsi_tables *tables,
+                                      spsi_parts *parts) {
+    spsi_material classified;
+    memset(parts, 0, sizeof *parts);
+    memset(&classified, 0, sizeof classified);
+    if (volume->transfer) classified.table = tables->table++;
+    if (volume->transfer && spsi_transfer_may_emit(volume->transfer)) classified.glow = tables->glow++;
+    if (volume->transfer && volume->classify_voxels) {
+        parts->classifier = tables->classifier++;
+        *parts->classifier = classified;
+        return spsi_parts_classified(context, volume, index, parts);
+    }
+    parts->values = 1;
+    parts->material = classified;
+    if (volume->transfer) return spsi_transfer_tabulate(context, volume->transfer, index, &parts->material);
+    if (volume->appearance_fn)
+        spsi_parts_colored(volume, parts);
+    else
+        spsi_material_gas(volume->extinction, volume->albedo, volume->emission, &parts->material);
+    return SPS_OK;
+}
+
+/* The material of medium `n` of a kind. */
+SPSI_COLD void spsi_part_material(const spsi_frame *frame, const spsi_medium *medium, const spsi_parts *parts, int n,
+                                  spsi_material *material) {
+    static const float black[3] = {0, 0, 0};
+    const sps_volume *volume = &medium->given;
+    float glow[3] = {1, 1, 1};
+    memset(material, 0, sizeof *material);
+    if (medium->part == SPSI_PART_VALUES) {
+        *material = parts->material;
+        material->colored = parts->colors;
+        if (volume->transfer) spsi_material_surface(volume, medium, material);
+        spsi_material_ambient(frame, volume->ambient, material);
+    } else if (medium->part >= SPSI_PART_GLOW_RED) {
+        for (int c = 0; c < 3 && parts->glows > 1; ++c) glow[c] = c == n ? 1 : 0;
+        spsi_material_gas(0, black, glow, material);
+    } else {
+        material->carries = 1;
+    }
+    spsi_material_lobes(volume->lobes, volume->lobe_count, material);
+}
+
+SPSI_COLD sps_result spsi_add_media(sps_context *context, spsi_frame *frame, const sps_volume *volume, int index,
+                                    const spsi_parts *parts) {
+    const int starts[3] = {0, parts->values, parts->values + parts->colors}, all = starts[2] + parts->glows;
+    for (int i = 0; i < all; ++i) {
+        const int kind = (i >= starts[1]) + (i >= starts[2]), n = i - starts[kind];
+        spsi_medium *medium = &frame->media[frame->medium_count];
+        spsi_material material;
+        if (frame->medium_count == SPSI_VOLUMES_MAX)
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "volume_count",
+                                   frame->given.volume_count,
+                                   "at most 64 volumes may hold voxels; colors count as up to 6 more");
+        spsi_medium_build(volume, index, &frame->lattices[frame->medium_count], medium);
+        medium->lattice->medium = frame->medium_count++;
+        medium->part = (kind == 0 ? SPSI_PART_VALUES : kind == 1 ? SPSI_PART_RED : SPSI_PART_GLOW_RED) + n;
+        medium->follows = kind == 1 ? n + 1 : 0;
+        medium->again = i > 0;
+        medium->classifier = parts->classifier;
+        medium->unit = parts->unit;
+        if (spsi_medium_place(context, volume, medium)) return context->result;
+        spsi_part_material(frame, medium, parts, n, &material);
+        frame->matter.classifies |= material.table || material.shading == SPS_SHADING_SURFACE;
+        medium->light_channel = material.table ? frame->matter.light_channel_count++ : 0;
+        medium->channel = spsi_take_material(frame, &material);
+        spsi_medium_bounds(medium, SPSI_REACH, &frame->content->bounds);
+    }
+    return SPS_OK;
 }
 
 SPSI_COLD sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
-    size_t classified = 0, glowing = 0;
+    size_t classified = 0, glowing = 0, by_voxel = 0;
     for (int i = 0; i < scene->volume_count; ++i) {
         const sps_volume *volume = &scene->volumes[i];
         if (!spsi_volume_shows(volume)) continue;
         classified += volume->transfer != NULL;
         glowing += volume->transfer && spsi_transfer_may_emit(volume->transfer);
-        frame->matter.light_channel_count |= !volume->transfer; /* channel 0: unclassified */
+        by_voxel += volume->transfer && volume->classify_voxels;
+        frame->matter.light_channel_count |= !volume->transfer || volume->classify_voxels; /* 0: unclassified */
     }
-    spsi_table *table = (spsi_table *)spsi_reserve(context, SPSI_BUFFER_TABLES, classified, sizeof(spsi_table));
-    spsi_glow_table *glow =
-        (spsi_glow_table *)spsi_reserve(context, SPSI_BUFFER_GLOW_TABLES, glowing, sizeof(spsi_glow_table));
-    if (!table || !glow) return context->result;
+    spsi_tables tables = {
+        (spsi_table *)spsi_reserve(context, SPSI_BUFFER_TABLES, classified, sizeof(spsi_table)),
+        (spsi_glow_table *)spsi_reserve(context, SPSI_BUFFER_GLOW_TABLES, glowing, sizeof(spsi_glow_table)),
+        (spsi_material *)spsi_reserve(context, SPSI_BUFFER_CLASSIFIERS, by_voxel, sizeof(spsi_material))};
+    if (context->result) return context->result;
     for (int i = 0; i < scene->volume_count; ++i) {
-        const sps_volume *volume = &scene->volumes[i];
-        spsi_medium *medium = &frame->media[frame->medium_count];
-        if (!spsi_volume_shows(volume)) continue;
-        if (frame->medium_count == SPSI_VOLUMES_MAX)
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "volume_count",
-                                   scene->volume_count, "at most 64 volumes may hold voxels");
-        spsi_medium_build(volume, i, &frame->lattices[frame->medium_count], medium);
-        medium->lattice->medium = frame->medium_count++;
-        if (spsi_medium_place(context, volume, medium) || spsi_add_material(context, frame, medium, table, glow))
+        spsi_parts parts;
+        if (!spsi_volume_shows(&scene->volumes[i])) continue;
+        if (spsi_parts_build(context, &scene->volumes[i], i, &tables, &parts) ||
+            spsi_add_media(context, frame, &scene->volumes[i], i, &parts))
             return context->result;
-        table += volume->transfer != NULL;
-        glow += volume->transfer && spsi_transfer_may_emit(volume->transfer);
-        spsi_medium_bounds(medium, SPSI_REACH, &frame->content->bounds);
     }
     return SPS_OK;
 }
@@ -5045,6 +5187,7 @@ SPSI_COLD int spsi_count_channels(const spsi_frame *frame) {
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         grey &= spsi_grey(material->albedo) && spsi_grey(material->emission) && spsi_grey(material->ambient);
+        grey &= material->colored < 3;
         for (int k = 0; k <= SPSI_TABLE_SIZE && material->table; ++k) grey &= spsi_grey(material->table->entry[k]);
         for (int k = 0; k <= SPSI_TABLE_SIZE && material->glow; ++k) grey &= spsi_grey((*material->glow)[k]);
     }
@@ -5118,11 +5261,13 @@ typedef struct spsi_block {
     int low[3], size[3];           /* core plus margin, clipped to the volume */
     int core_low[3], core_high[3]; /* voxels to gather */
     int empty;                     /* 1: range_fn reports nothing relevant */
+    int replace;                   /* 1: invalid values count as 0 */
     int range_calls, calls;        /* calls of range_fn; of read_fn or eval_fn */
     int voxels_read, replaced;     /* replaced: invalid values */
     sps_result result;             /* SPS_ERROR_CALLBACK, or SPS_ERROR_DATA */
     const char *field;             /* callback, or "value" */
     double number;                 /* the callback's result, or the invalid value */
+    const char *bounds;            /* of valid values */
     int voxel[3];                  /* location of the invalid value */
 } spsi_block;
 
@@ -5183,8 +5328,9 @@ static void spsi_block_range(spsi_block *block) {
     block->range_calls += 1;
     if (spsi_block_called(block, "range_fn", volume->range_fn(volume->user, block->low, block->size, range))) return;
     if (!(range[0] <= range[1]) || !(range[1] <= SPSI_VALUE_MAX)) return; /* reading will report it */
-    if (block->material->table)
-        block->empty = !spsi_transfer_shows(block->material, range[1]);
+    if (block->material->table || block->medium->classifier)
+        block->empty = !spsi_transfer_shows(block->medium->classifier ? block->medium->classifier : block->material,
+                                            range[1]);
     else
         block->empty = range[1] < SPSI_VALUE_MIN;
 }
@@ -5206,6 +5352,64 @@ static void spsi_block_evaluate(spsi_voxels *voxels) {
     }
 }
 
+/* Values become the medium's part of their classification. */
+static void spsi_block_classify(spsi_voxels *voxels, int count) {
+    const spsi_medium *medium = voxels->block.medium;
+    const int part = medium->part, glow = part - SPSI_PART_GLOW_RED;
+    SPSI_ROLLED for (int i = 0; i < count; i += SPSI_LANES) {
+        const spsi_v value = spsi_load_first(voxels->values + i, count - i);
+        float lanes[SPSI_LANES];
+        spsi_v look[4], emitted[3], out;
+        if (glow >= 0) {
+            spsi_classify_emission(medium->classifier, value, emitted);
+            out = emitted[glow];
+        } else {
+            spsi_classify(medium->classifier, value, look);
+            out = spsi_mul(look[3], spsi_set(1 / medium->unit));
+            if (part > SPSI_PART_VALUES) out = spsi_mul(out, look[part - SPSI_PART_RED]);
+        }
+        spsi_store(lanes, out);
+        for (int k = 0; k < SPSI_LANES && i + k < count; ++k) {
+            float *own = &voxels->values[i + k]; /* invalid values stay, and are reported */
+            if (*own >= 0 && *own <= SPSI_VALUE_MAX) *own = lanes[k];
+        }
+    }
+}
+
+/* A layer's values become emission, or are multiplied by albedo. */
+static void spsi_block_color_layer(spsi_block *block, int z, const float *colors, float *values) {
+    const int glow = block->medium->part - SPSI_PART_GLOW_RED, c = block->medium->part - SPSI_PART_RED;
+    for (int i = 0; i < block->size[0] * block->size[1]; ++i) {
+        const float color = colors[3 * i + (glow >= 0 ? glow : c)];
+        const int valid = color >= 0 && color <= (glow >= 0 ? SPSI_VALUE_MAX : 1);
+        if (valid || block->replace) {
+            values[i] = !valid ? 0 : glow >= 0 ? color : color * values[i];
+            continue;
+        }
+        block->result = SPS_ERROR_DATA, block->number = (double)color, block->bounds = glow >= 0 ? "0..1e18" : "0..1";
+        block->field = glow >= 0 ? "appearance_fn's emission" : "appearance_fn's albedo";
+        block->voxel[0] = block->low[0] + i % block->size[0], block->voxel[1] = block->low[1] + i / block->size[0];
+        block->voxel[2] = z;
+        return;
+    }
+}
+
+/* Values become the medium's part of what appearance_fn says, which is read a layer at a time. */
+static void spsi_block_color(spsi_voxels *voxels) {
+    spsi_block *block = &voxels->block;
+    const sps_volume *volume = &block->medium->given;
+    const int glows = block->medium->part >= SPSI_PART_GLOW_RED, size[3] = {block->size[0], block->size[1], 1};
+    float *colors = (float *)(void *)voxels->positions;
+    for (int z = 0; z < block->size[2] && block->result == SPS_OK; ++z) {
+        const int lo[3] = {block->low[0], block->low[1], block->low[2] + z};
+        for (int i = 0; i < 3 * size[0] * size[1]; ++i) colors[i] = glows ? 0 : volume->albedo[i % 3];
+        if (!spsi_block_called(block, "appearance_fn",
+                               volume->appearance_fn(volume->user, lo, size, glows ? NULL : colors,
+                                                     glows ? colors : NULL)))
+            spsi_block_color_layer(block, lo[2], colors, voxels->values + (size_t)(size[0] * size[1]) * (size_t)z);
+    }
+}
+
 /* asks: try range_fn first. */
 static void spsi_block_read(spsi_voxels *voxels, int asks) {
     spsi_block *block = &voxels->block;
@@ -5220,6 +5424,10 @@ static void spsi_block_read(spsi_voxels *voxels, int asks) {
         block->calls += 1;
         spsi_block_called(block, "read_fn", volume->read_fn(volume->user, block->low, block->size, voxels->values));
     }
+    if (block->result == SPS_OK && block->medium->classifier)
+        spsi_block_classify(voxels, count);
+    else if (block->result == SPS_OK && block->medium->part > SPSI_PART_VALUES)
+        spsi_block_color(voxels);
     if (block->result == SPS_OK) block->voxels_read = count;
 }
 
@@ -5232,7 +5440,7 @@ static inline int spsi_invalid_bits(spsi_v value) {
 }
 
 /* Sets invalid values to 0, or fails at the first. */
-static void spsi_block_validate(spsi_voxels *voxels, int replace) {
+static void spsi_block_validate(spsi_voxels *voxels) {
     spsi_block *block = &voxels->block;
     float *value = voxels->values;
     int invalid = 0;
@@ -5242,12 +5450,12 @@ static void spsi_block_validate(spsi_voxels *voxels, int replace) {
         SPSI_ROLLED for (int y = 0; y < block->size[1]; ++y)
             SPSI_ROLLED for (int x = 0; x < block->size[0]; ++x, ++value) {
                 if (*value >= 0 && *value <= SPSI_VALUE_MAX) continue;
-                if (replace) {
+                if (block->replace) {
                     *value = 0;
-                    block->replaced += 1;
+                    block->replaced += !block->medium->again;
                     continue;
                 }
-                block->result = SPS_ERROR_DATA, block->field = "value", block->number = (double)*value;
+                block->result = SPS_ERROR_DATA, block->field = "value", block->bounds = "0..1e18", block->number = (double)*value;
                 block->voxel[0] = block->low[0] + x, block->voxel[1] = block->low[1] + y;
                 block->voxel[2] = block->low[2] + z;
                 return;
@@ -5257,8 +5465,8 @@ static void spsi_block_validate(spsi_voxels *voxels, int replace) {
 SPSI_COLD sps_result spsi_block_check(sps_context *context, const spsi_block *block) {
     char rule[96];
     if (block->result == SPS_OK) return SPS_OK;
-    SPS_SNPRINTF(rule, sizeof rule, "values must be 0..1e18 (voxel %d,%d,%d)", block->voxel[0], block->voxel[1],
-                 block->voxel[2]);
+    SPS_SNPRINTF(rule, sizeof rule, "values must be %s (voxel %d,%d,%d)", block->bounds ? block->bounds : "0..1e18",
+                 block->voxel[0], block->voxel[1], block->voxel[2]);
     return spsi_fail_field(context, block->result, SPS_OBJECT_VOLUME, block->medium->index, block->field, block->number,
                            rule);
 }
@@ -5308,7 +5516,7 @@ SPSI_COLD sps_result spsi_reader_open(sps_context *context, spsi_reader *reader)
 static spsi_voxels *spsi_reader_values(const spsi_reader *reader, int index) {
     spsi_voxels *voxels = &reader->list[index];
     if (reader->medium->given.concurrent) spsi_block_read(voxels, reader->asks);
-    if (voxels->block.voxels_read > 0) spsi_block_validate(voxels, reader->replace);
+    if (voxels->block.voxels_read > 0) spsi_block_validate(voxels);
     return voxels->block.voxels_read > 0 && voxels->block.result == SPS_OK ? voxels : NULL;
 }
 
@@ -5330,8 +5538,10 @@ SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader,
                                       void *data) {
     const int64_t left = reader->block_count - first;
     reader->count = left < reader->at_once ? (int)left : reader->at_once;
-    for (int i = 0; i < reader->count; ++i)
+    for (int i = 0; i < reader->count; ++i) {
         spsi_block_place(&reader->list[i].block, reader->medium, reader->material, first + i);
+        reader->list[i].block.replace = reader->replace;
+    }
     if (spsi_reader_read(context, reader, first)) return context->result;
     spsi_parallel(context, reader->count, task, data);
     for (int i = 0; i < reader->count; ++i) {
@@ -5553,24 +5763,38 @@ SPSI_COLD sps_result spsi_gather_medium(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
+/* Hash of what decides which voxels are relevant, and their values. */
+static uint64_t spsi_classified_fingerprint(uint64_t hash, const spsi_medium *medium, const spsi_material *material) {
+    const spsi_material *by_voxel = medium->classifier;
+    if (material->table) {
+        hash = spsi_fingerprint(hash, &material->table->last_clear, sizeof material->table->last_clear);
+        hash = spsi_fingerprint(hash, &material->table_scale, sizeof material->table_scale);
+    }
+    if (!by_voxel) return hash;
+    hash = spsi_fingerprint(hash, by_voxel->table->entry, sizeof by_voxel->table->entry);
+    if (by_voxel->glow) hash = spsi_fingerprint(hash, *by_voxel->glow, sizeof *by_voxel->glow);
+    return spsi_fingerprint(hash, &by_voxel->table_scale, sizeof by_voxel->table_scale);
+}
+
 /* Hash of the inputs to gathering; 0 if a revision is missing. */
 static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->given.replace_invalid, sizeof(int));
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_medium *medium = &frame->media[i];
-        const spsi_material *material = &frame->matter.materials[medium->channel];
+        const sps_volume *volume = &medium->given;
         const spsi_lattice *lattice = medium->lattice;
-        const spsi_table *table = material->table;
-        if (medium->given.revision == 0) return 0;
-        hash = spsi_fingerprint(hash, medium->given.size, sizeof medium->given.size);
-        hash = spsi_fingerprint(hash, &medium->given.user, sizeof medium->given.user);
-        hash = spsi_fingerprint(hash, &medium->given.read_fn, sizeof medium->given.read_fn);
-        hash = spsi_fingerprint(hash, &medium->given.eval_fn, sizeof medium->given.eval_fn);
-        hash = spsi_fingerprint(hash, &medium->given.revision, sizeof medium->given.revision);
-        if (medium->given.eval_fn) hash = spsi_fingerprint(hash, lattice->step, sizeof lattice->step);
-        if (medium->given.eval_fn) hash = spsi_fingerprint(hash, lattice->corner, sizeof lattice->corner);
-        if (table) hash = spsi_fingerprint(hash, &table->last_clear, sizeof table->last_clear);
-        if (table) hash = spsi_fingerprint(hash, &material->table_scale, sizeof material->table_scale);
+        if (volume->revision == 0) return 0;
+        hash = spsi_fingerprint(hash, volume->size, sizeof volume->size);
+        hash = spsi_fingerprint(hash, &volume->user, sizeof volume->user);
+        hash = spsi_fingerprint(hash, &volume->read_fn, sizeof volume->read_fn);
+        hash = spsi_fingerprint(hash, &volume->eval_fn, sizeof volume->eval_fn);
+        hash = spsi_fingerprint(hash, &volume->appearance_fn, sizeof volume->appearance_fn);
+        hash = spsi_fingerprint(hash, &volume->revision, sizeof volume->revision);
+        hash = spsi_fingerprint(hash, &medium->part, sizeof medium->part);
+        if (volume->appearance_fn) hash = spsi_fingerprint(hash, volume->albedo, sizeof volume->albedo);
+        if (volume->eval_fn) hash = spsi_fingerprint(hash, lattice->step, sizeof lattice->step);
+        if (volume->eval_fn) hash = spsi_fingerprint(hash, lattice->corner, sizeof lattice->corner);
+        hash = spsi_classified_fingerprint(hash, medium, &frame->matter.materials[medium->channel]);
     }
     return hash | 1;
 }
@@ -11885,12 +12109,19 @@ SPSI_COLD int spsi_sampler_pays(const spsi_sampler *sampler, const spsi_lattice 
            field->voxels * (SPSI_COST_FOOTPRINT + SPSI_COST_FRAGMENT * fragments);
 }
 
+/* True if coarser voxels would lose what a transfer function or gradients show. */
+SPSI_COLD int spsi_medium_is_sharp(const spsi_frame *frame, int medium) {
+    const spsi_medium *values = &frame->media[medium - frame->media[medium].follows];
+    const spsi_material *material = &frame->matter.materials[values->channel];
+    return material->table || material->shading == SPS_SHADING_SURFACE;
+}
+
 /* Number of coarser levels; 0 if classified. At high quality and above, 0 for voxels more than twice as long as wide,
    since levels widen all edges. */
 SPSI_COLD int spsi_levels_wanted(const spsi_frame *frame, int medium) {
     const spsi_lattice *lattice = &frame->lattices[medium];
     double shortest = HUGE_VAL, longest = 0;
-    if (frame->matter.materials[frame->media[medium].channel].table) return 0;
+    if (spsi_medium_is_sharp(frame, medium)) return 0;
     for (int k = 0; k < 3; ++k) {
         shortest = spsi_dmin(shortest, spsi_length(lattice->step[k]));
         longest = spsi_dmax(longest, spsi_length(lattice->step[k]));
@@ -12001,8 +12232,11 @@ static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, c
     spsi_bounds *bounds = &frame->content->bounds;
     for (int m = 0; m < frame->medium_count; ++m) {
         const spsi_lattice *lattice = frame->media[m].lattice;
+        const int follows = frame->media[m].follows;
         spsi_splatter splatter;
         spsi_sampler sampler;
+        if (follows > 0 && chooses) frame->content->levels[m] = frame->content->levels[m - follows];
+        if (follows > 0) continue;
         if (!spsi_splatter_build(lattice, rays, slabs, 1, frame->accuracy.cut, &splatter)) continue; /* refused */
         spsi_fill_choice verdict =
             spsi_sampler_judge(frame, lattice, rays, slabs, &splatter, SPSI_SAMPLER_PIXELS, &sampler);
@@ -12067,11 +12301,16 @@ SPSI_COLD void spsi_pyramid_whole(const spsi_medium *medium, spsi_pyramid_level 
     }
 }
 
+/* Error bounds cover gas of uniform albedo without emission. */
+SPSI_COLD int spsi_material_interpolates(const spsi_material *material) {
+    return !spsi_material_varies(material) && !material->emits && !material->carries;
+}
+
 /* True if the tolerance applies: some volume is neither classified nor emissive. */
 SPSI_COLD int spsi_may_interpolate(const spsi_frame *frame) {
     for (int m = 0; m < frame->medium_count && frame->view.tolerance > 0; ++m) {
         const spsi_material *material = &frame->matter.materials[frame->media[m].channel];
-        if (!material->table && !material->emits) return 1;
+        if (spsi_material_interpolates(material)) return 1;
     }
     return 0;
 }
@@ -12414,8 +12653,8 @@ static int spsi_target_interpolates(const spsi_target *target, int medium) {
     const spsi_frame *frame = target->frame;
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
     const spsi_sampler *sampler = &target->samplers[medium];
-    return target->tolerance > 0 && spsi_gathers(target->verdicts[medium]) && sampler->level <= 1 && !material->table &&
-           !material->emits;
+    return target->tolerance > 0 && spsi_gathers(target->verdicts[medium]) && sampler->level <= 1 &&
+           spsi_material_interpolates(material);
 }
 
 SPSI_COLD size_t spsi_spent_bytes(const spsi_rays *rays) {
@@ -12490,6 +12729,20 @@ SPSI_COLD void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays,
     }
 }
 
+/* Albedo is filled as its volume's values are, so that their ratio keeps within both. Returns 0 if it has no voxels to
+   gather. */
+static int spsi_target_follow(spsi_target *target, int i) {
+    const spsi_pyramid *fields = target->frame->content->fields;
+    const int values = i - target->frame->media[i].follows;
+    if (values == i || !fields || fields->levels[i]->count == 0) return 0;
+    target->verdicts[i] = target->verdicts[values];
+    target->samplers[i] = target->samplers[values];
+    if (!spsi_gathers(target->verdicts[i])) return 1;
+    target->samplers[i].finest = fields->levels[i];
+    target->samplers[i].field = &fields->levels[i][target->samplers[i].level];
+    return 1;
+}
+
 /* Decides how a volume fills a target. Lights store optical depths of gases and values of classified volumes. Sheets
    and coarse maps truncate classified kernels early and do not widen them to a texel: means would be misclassified.
    SPSI_TARGET_SAMPLES splats gas, which conserves mass, and deposits small voxels. Returns 0 if the voxel size is
@@ -12510,6 +12763,7 @@ static int spsi_target_judge(spsi_target *target, int i) {
     splatter->whole = target->kind == SPSI_TARGET_EYE && material->table; /* classified slabs are not cut */
     if (splatter->whole) splatter->eye_near = -FLT_MAX;
     if (splatter->whole || looks) splatter->filter = 0; /* classified footprints are not widened */
+    if (!keeps && spsi_target_follow(target, i)) return 1;
     if (!keeps) {
         target->verdicts[i] = spsi_sampler_judge(frame, &frame->lattices[i], target->rays, target->slabs, splatter,
                                                  pattern, &target->samplers[i]);
@@ -16718,16 +16972,16 @@ SPSI_COLD void spsi_forward_column(const spsi_material *material, spsi_legendre 
     }
 }
 
-/* Classified volumes have levels of albedo, denser towards 1. */
+/* Where albedo varies, there are levels of it, denser towards 1. */
 SPSI_COLD void spsi_forward_build(const spsi_material *material, int followed, int stays, spsi_forward *forward) {
     const int grey = material->albedo[0] == material->albedo[1] && material->albedo[0] == material->albedo[2];
     spsi_legendre series;
     spsi_legendre_moments(material, followed, &series);
     series.stays |= stays;
-    forward->level_count = material->table ? SPSI_FORWARD_LEVELS : grey ? 1 : 3;
+    forward->level_count = spsi_material_varies(material) ? SPSI_FORWARD_LEVELS : grey ? 1 : 3;
     for (int k = 0; k < forward->level_count; ++k) {
         const double left = 1 - (double)k / (SPSI_FORWARD_LEVELS - 1);
-        const double albedo = material->table ? 1 - left * left : (double)material->albedo[k];
+        const double albedo = spsi_material_varies(material) ? 1 - left * left : (double)material->albedo[k];
         const int last = SPSI_FORWARD_SIZE - 1;
         for (int i = 0; i < last; ++i)
             spsi_forward_column(material, &series, albedo, spsi_forward_depth(i), forward->level[k] + i);
@@ -16813,7 +17067,7 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
                                    const spsi_forward_part *part) {
     const spsi_forward *forward = material->forward;
     const spsi_v size = spsi_set((float)SPSI_FORWARD_SIZE), last = spsi_set((float)(SPSI_FORWARD_LEVELS - 1));
-    if (!material->table)
+    if (!spsi_material_varies(material))
         return spsi_forward_mean(forward, spsi_set((float)(channel % forward->level_count * SPSI_FORWARD_SIZE)), part);
     spsi_v at = spsi_mul(spsi_sub(spsi_set(1), spsi_sqrt(spsi_max(spsi_sub(spsi_set(1), albedo), spsi_set(0)))), last);
     spsi_v level = spsi_min(spsi_floor(at), spsi_sub(last, spsi_set(1)));
@@ -19441,6 +19695,18 @@ static void spsi_samples_gas(const spsi_material *material, spsi_v value_length,
     }
 }
 
+/* Takes a colored material's albedo from the channels that follow, which hold values times albedo. */
+static void spsi_samples_color(const spsi_material *material, int channel, spsi_slab *slab) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    for (int part = 0; part < slab->part_count; ++part) {
+        spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
+        const spsi_v per = spsi_div(one, spsi_max(sample->value_length, spsi_set(FLT_MIN)));
+        for (int c = 0; c < 3; ++c)
+            sample->color[c] =
+                spsi_clamp(spsi_mul(sample[1 + c % material->colored].value_length, per), zero, one);
+    }
+}
+
 /* Samples a classified volume: values follow a parabola. Transparent parts need no colors. */
 static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
                                     spsi_slab *slab) {
@@ -19470,9 +19736,6 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         for (int c = 0; c < 3; ++c) sample->color[c] = appearance[c];
         slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
     }
-    if (shader->frame->has_gradients && material->shading == SPS_SHADING_SURFACE &&
-        shader->frame->content->fields->levels[material->medium]->count > 0)
-        spsi_samples_gradient(shader, &target->samplers[material->medium], p, channel, slab);
 }
 
 /* Blinn-Phong highlight (n+8)/(8 pi) (N.H)^n, nearly normalised: at most 7.5 % too bright, at normal incidence and n =
@@ -19810,7 +20073,7 @@ typedef struct spsi_carried {
 /* Multiple forward scattering per unit of optical depth and unattenuated irradiance. */
 static void spsi_sample_forward(const spsi_shader *shader, const spsi_material *material, const spsi_sample *sample,
                                 const spsi_forward_part *part, spsi_v sent[3]) {
-    const int alike = !material->table && material->forward->level_count == 1;
+    const int alike = !spsi_material_varies(material) && material->forward->level_count == 1;
     SPSI_ROLLED for (int c = 0; c < shader->frame->channels; ++c) {
         const spsi_v gas = spsi_sub(spsi_set(1), sample->surface), albedo = sample->color[c];
         sent[c] = c > 0 && alike ? sent[0] : spsi_mul(albedo, spsi_forward_channel(material, c, albedo, part));
@@ -20969,6 +21232,13 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
             spsi_samples_classified(shader, tile, p, m, slab);
         else
             spsi_samples_gas(&shader->frame->matter.materials[m], slab->samples[m].value_length, m, slab);
+    for (int m = 0; m < count; ++m) {
+        const spsi_material *material = &shader->frame->matter.materials[m];
+        if (material->colored > 0) spsi_samples_color(material, m, slab);
+        if (shader->frame->has_gradients && material->shading == SPS_SHADING_SURFACE &&
+            shader->frame->content->fields->levels[material->medium]->count > 0)
+            spsi_samples_gradient(shader, &shader->target->samplers[material->medium], p, m, slab);
+    }
     SPSI_ROLLED for (int i = 0; i < slab->part_count; ++i) slab->depth = spsi_add(slab->depth, slab->part_depth[i]);
     if (!shader->frame->matter.emits && !spsi_bits(spsi_less(zero, slab->depth)))
         return 0; /* values without extinction */
@@ -21427,9 +21697,15 @@ static void spsi_sampling_visit(const spsi_sampling *sheets, const spsi_tile *ti
     const size_t at = (size_t)place->k * tile->sheet_size + row + (size_t)(place->x - tile->x0);
     for (int m = 0; m < sheets->target.frame->matter.material_count; ++m) {
         const spsi_v sum = spsi_sheet_sum(tile, m, at);
+        const spsi_material *material = &sheets->target.frame->matter.materials[m];
         spsi_cell_sample sample;
-        if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
-        spsi_cell_sample_at(&sheets->target.frame->matter.materials[m], sum, &slabs, &sample);
+        if (material->carries || !spsi_bits(spsi_less(spsi_set(0), sum))) continue;
+        spsi_cell_sample_at(material, sum, &slabs, &sample);
+        for (int c = 0; c < 3 && material->colored > 0; ++c) {
+            const spsi_v part = spsi_sheet_sum(tile, m + 1 + c % material->colored, at);
+            const spsi_v albedo = spsi_div(part, spsi_max(sum, spsi_set(FLT_MIN)));
+            sample.scattered[c] = spsi_mul(sample.depth, spsi_min(albedo, spsi_set(1)));
+        }
         sheets->sample_fn(sheets->data, place, m, &sample);
     }
 }
@@ -25482,13 +25758,18 @@ static void spsi_march_shade(const spsi_marcher *marcher, int m, const spsi_ray 
 static void spsi_march_sample(const spsi_marcher *marcher, int part, const double point[3], spsi_sample *sample,
                               double *value, double *extinction) {
     const spsi_material *material = spsi_material_of(marcher->frame, part);
-    const int surface = material->table && material->shading == SPS_SHADING_SURFACE;
+    const int surface = material->shading == SPS_SHADING_SURFACE;
     float color[3] = {material->albedo[0], material->albedo[1], material->albedo[2]};
     double n[3] = {0, 0, 0};
     memset(sample, 0, sizeof *sample);
     if (part < marcher->frame->medium_count) {
         *value = spsi_field(&marcher->grids[part], point, SPSI_REFERENCE_REACH, surface ? n : NULL, NULL);
         *extinction = spsi_extinction_at(material, *value, color);
+        for (int c = 0; c < 3 && material->colored > 0 && *value > 0; ++c) {
+            const spsi_dense *grid = &marcher->grids[part + 1 + c % material->colored];
+            const double scattered = spsi_field(grid, point, SPSI_REFERENCE_REACH, NULL, NULL);
+            color[c] = (float)spsi_dmin(scattered / *value, 1);
+        }
     }
     for (int c = 0; c < 3; ++c) sample->color[c] = spsi_set(color[c]);
     if (!surface) return;
@@ -26594,8 +26875,9 @@ SPSI_COLD sps_result spsi_bracket_check(sps_context *context, const spsi_frame *
                               "must be SPS_SCATTERING_SINGLE: light has bounds as long as it scatters once");
     for (int m = 0; m < frame->medium_count; ++m) {
         const spsi_material *material = spsi_material_of(frame, m);
-        if (material->table)
-            return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, frame->media[m].index, "transfer",
+        if (spsi_material_varies(material))
+            return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, frame->media[m].index,
+                                  material->table ? "transfer" : "appearance_fn",
                                   0, "has corners, and normals, for which no bounds are known");
     }
     for (int m = 0; m < frame->matter.material_count; ++m) scatters |= frame->matter.materials[m].scatters;
@@ -26996,7 +27278,7 @@ static void spsi_path_emission(const spsi_marcher *marcher, spsi_path *path) {
 }
 
 static double spsi_path_density(const spsi_material *material, double cosine) {
-    if (material->table && material->shading == SPS_SHADING_SURFACE) return 0.25 / SPSI_PI;
+    if (material->shading == SPS_SHADING_SURFACE) return 0.25 / SPSI_PI;
     return spsi_phase_at(material, cosine);
 }
 

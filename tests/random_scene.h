@@ -172,6 +172,13 @@ typedef struct scene_slide {
     int fades; /* towards the edges, where it is black; otherwise the edges are outside of the scene */
 } scene_slide;
 
+/* A volume's values, and the colors between which its voxels are painted; in this order, since it is a volume's user.
+ */
+typedef struct scene_field {
+    check_field values;
+    float paint[2][3], glow[3];
+} scene_field;
+
 typedef struct scene_crowd {
     sps_particle list[SCENE_PARTICLES];
 } scene_crowd;
@@ -185,7 +192,7 @@ typedef struct random_scene {
     double eye[3]; /* unit vector from the scene's centre to the camera */
     check_scene s;
     scene_formula formulas[SCENE_VOLUMES];
-    check_field fields[SCENE_VOLUMES];
+    scene_field fields[SCENE_VOLUMES];
     sps_transfer transfers[SCENE_VOLUMES];
     sps_transfer_point points[SCENE_VOLUMES][4];
     sps_lobe lobes[SCENE_VOLUMES + SCENE_SETS][2];
@@ -302,7 +309,7 @@ static inline void place_volume(random_scene *x, int placement, double voxels, c
 
 static inline void fill_volume(random_scene *x, int n, int shape, int source, const double middle[3]) {
     sps_volume *volume = &x->s.volume[n];
-    check_field *field = &x->fields[n];
+    check_field *field = &x->fields[n].values;
     x->formulas[n].shape = shape;
     x->formulas[n].scale = x->scale;
     x->formulas[n].seed = x->random.state;
@@ -332,12 +339,42 @@ static inline void draw_lobes(check_random *random, sps_lobe lobes[2]) {
     for (int i = 0; i < 2; ++i) lobes[i].weight = (float)draw(random, 0.2, 1);
 }
 
-/* Emission of one in three, from random numbers apart, so that scenes are otherwise those without. */
-static inline void draw_glow(random_scene *x, int n, double extinction) {
-    check_random apart = {x->random.state ^ 0x9e3779b97f4a7c15u};
-    if (!one_in(&apart, 3)) return;
-    for (int i = 1; i < 4; ++i)
+/* Random numbers apart, so that scenes are otherwise those without. */
+static inline check_random draw_apart(const random_scene *x) {
+    const check_random apart = {x->random.state ^ 0x9e3779b97f4a7c15u};
+    return apart;
+}
+
+/* Emission of one classified volume in three; one in three is classified voxel by voxel. */
+static inline void draw_classified(random_scene *x, int n, double extinction) {
+    check_random apart = draw_apart(x);
+    const int glows = one_in(&apart, 3);
+    for (int i = 1; i < 4 && glows; ++i)
         for (int c = 0; c < 3; ++c) x->points[n][i].emission[c] = (float)draw(&apart, 0, 0.4 * extinction);
+    x->s.volume[n].classify_voxels = one_in(&apart, 3);
+}
+
+/* sps_volume.appearance_fn: waves several voxels long. */
+static inline int paint_voxels(void *user, const int lo[3], const int size[3], float *albedo, float *emission) {
+    const scene_field *field = (const scene_field *)user;
+    for (int z = 0, n = 0; z < size[2]; ++z)
+        for (int y = 0; y < size[1]; ++y)
+            for (int x = 0; x < size[0]; ++x, n += 3) {
+                const float t = 0.5f + 0.5f * sinf(0.4f * (float)(lo[0] + x) + 0.3f * (float)(lo[1] + y - lo[2] - z));
+                for (int c = 0; c < 3 && albedo; ++c)
+                    albedo[n + c] = field->paint[0][c] + t * (field->paint[1][c] - field->paint[0][c]);
+                for (int c = 0; c < 3 && emission; ++c) emission[n + c] = t * field->glow[c];
+            }
+    return 0;
+}
+
+/* Paints one gas in three. */
+static inline void draw_paint(random_scene *x, int n, double extinction) {
+    check_random apart = draw_apart(x);
+    if (!one_in(&apart, 3)) return;
+    x->s.volume[n].appearance_fn = paint_voxels;
+    for (int i = 0; i < 2; ++i) draw_color(&apart, 0.2, 1, x->fields[n].paint[i]);
+    if (one_in(&apart, 2)) draw_color(&apart, 0, 0.2 * extinction, x->fields[n].glow);
 }
 
 /* Steps at values where a field has slopes, with different colors; the first is empty. */
@@ -348,7 +385,7 @@ static inline void draw_transfer(random_scene *x, int n, int kind, double extinc
     volume->extinction = (float)extinction; /* not used by the library, but read by the curve */
     volume->shading = kind == VOLUME_SURFACE ? SPS_SHADING_SURFACE : SPS_SHADING_GAS;
     if (one_in(&x->random, 2)) volume->specular = (float)draw(&x->random, 0, 0.6);
-    if (kind != VOLUME_SURFACE) draw_glow(x, n, extinction);
+    draw_classified(x, n, extinction);
     if (kind == VOLUME_CURVE) {
         transfer->eval_fn = smooth_curve;
         transfer->user = &volume->extinction;
@@ -380,7 +417,10 @@ static inline void draw_looks(random_scene *x, int n, int kind) {
         for (int c = 0; c < 3; ++c) volume->emission[c] /= (float)x->scale;
         if (one_in(random, 2)) volume->extinction = 0;
     }
-    if (kind >= VOLUME_CLASSIFIED) draw_transfer(x, n, kind, extinction);
+    if (kind >= VOLUME_CLASSIFIED)
+        draw_transfer(x, n, kind, extinction);
+    else
+        draw_paint(x, n, extinction);
 }
 
 static inline void add_volume(random_scene *x, int kind, int shape, int source, int placement, double voxels,
@@ -859,11 +899,14 @@ static inline int draw_panes(random_scene *x, uint64_t seed) {
 /* Gives all colors the value of one channel in another, but for those that callbacks compute: of curves, images and the
    sky. */
 static inline void copy_channel(random_scene *x, int from, int to) {
-    float *colors[6 * SCENE_VOLUMES + 2 * SCENE_SETS + SCENE_LIGHTS + 2 * 4 + 2];
+    float *colors[13 * SCENE_VOLUMES + 2 * SCENE_SETS + SCENE_LIGHTS + 2 * 4 + 2];
     int count = 0;
     for (int i = 0; i < SCENE_VOLUMES; ++i) {
         colors[count++] = x->s.volume[i].albedo, colors[count++] = x->s.volume[i].emission;
-        for (int k = 0; k < 4; ++k) colors[count++] = x->points[i][k].albedo;
+        for (int k = 0; k < 4; ++k)
+            colors[count++] = x->points[i][k].albedo, colors[count++] = x->points[i][k].emission;
+        for (int k = 0; k < 2; ++k) colors[count++] = x->fields[i].paint[k];
+        colors[count++] = x->fields[i].glow;
     }
     for (int i = 0; i < SCENE_SETS; ++i) colors[count++] = x->sets[i].albedo, colors[count++] = x->sets[i].emission;
     for (int i = 0; i < SCENE_LIGHTS; ++i) colors[count++] = x->s.light[i].color;

@@ -247,8 +247,8 @@ static void beside_flame(random_scene *x, const double place[3]) {
             volume->placement.axis[a][k] *= edge;
         }
     }
-    memcpy(x->fields[n].size, volume->size, sizeof volume->size);
-    x->fields[n].placement = volume->placement;
+    memcpy(x->fields[n].values.size, volume->size, sizeof volume->size);
+    x->fields[n].values.placement = volume->placement;
     x->formulas[n].scale = edge * scale;
     volume->extinction = one_in(&x->random, 2) ? 0 : (float)(draw_log(&x->random, 0.1, 2) / (edge * scale));
     for (int c = 0; c < 3; ++c) volume->emission[c] = (float)(draw(&x->random, 0.2, 1) / (edge * edge * edge * scale));

@@ -419,6 +419,7 @@ typedef struct sps_particle {
     float position[3];   /* world */
     float radius;        /* world units, >= 0; 0: nothing */
     float optical_depth; /* along its diameter, 0..1e18; less along a shorter chord */
+    float albedo[3];     /* read if has_albedos; replaces the set's; 0..1 */
 } sps_particle;
 
 /* A set of particles of the same material. Radii below 3/4 of a pixel or texel are raised to that, conserving mass.
@@ -432,6 +433,7 @@ typedef struct sps_particles {
     int soft;              /* 0: uniform density; 1: density falls as 1 - (r / radius)^2, to 0 at the rim */
     int is_extinction;     /* 1: optical_depth holds extinction per world unit instead; if soft, at the centre */
     float albedo[3];       /* 0..1; all zero: absorbs only */
+    int has_albedos;       /* 1: particles have albedos of their own */
     float emission[3];     /* radiance per unit of optical depth, >= 0 */
     float ambient[3];      /* as in sps_volume */
     const sps_lobe *lobes; /* NULL: isotropic */
@@ -1768,6 +1770,8 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_SHEETS,
     SPSI_BUFFER_SAMPLES,     /* volume samples, per worker */
     SPSI_BUFFER_PARTICLES,   /* >>gather */
+    SPSI_BUFFER_PARTICLE_ALBEDOS,
+    SPSI_BUFFER_PARTICLE_BATCH, /* being read */
     SPSI_BUFFER_BRICK_QUEUE, /* bricks by chunk, >>targets */
     SPSI_BUFFER_PARTICLE_QUEUE,
     SPSI_BUFFER_BRICK_BOXES,
@@ -3864,6 +3868,11 @@ typedef struct spsi_medium {
     int light_channel;     /* channel in light sheets; 0: unclassified */
 } spsi_medium;
 
+/* A particle without its albedo, which few sets have. */
+typedef struct spsi_particle {
+    float position[3], radius, optical_depth;
+} spsi_particle;
+
 typedef struct spsi_particle_set {
     sps_particles given;
     int index;
@@ -3958,7 +3967,7 @@ typedef struct spsi_particle_sets {
     int set_count;
     spsi_particle_set sets[SPSI_SETS_MAX];
     size_t count; /* known before reading */
-    int has_soft;
+    int has_soft, has_albedos;
 } spsi_particle_sets;
 
 typedef struct spsi_meshes {
@@ -4126,7 +4135,8 @@ typedef struct spsi_content {
     spsi_bounds outer;             /* volume boxes and particles, >>shadows */
     int parts[2], cut[2];          /* image parts per axis, 1 or 2; pixel at the split */
     spsi_bounds mesh_bounds;       /* bounds of polygons */
-    const sps_particle *particles; /* non-empty, >>gather */
+    const spsi_particle *particles; /* non-empty, >>gather */
+    const float (*albedos)[3];      /* of particles; NULL: no set has its own */
     int particle_count;            /* 0 until read */
     int set_ends[SPSI_SETS_MAX];   /* ends of sets in `particles` */
     float flies[SPSI_MATERIALS_MAX]; /* per material: emission fraction always sent by first flights */
@@ -4936,14 +4946,18 @@ SPSI_COLD sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *fram
 
 /* Particle sets are media whose value is extinction. */
 SPSI_COLD sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
+    static const float white[3] = {1, 1, 1};
+    int colored = 0;
     for (int i = 0; i < scene->particle_set_count; ++i) {
         const sps_particles *particles = &scene->particles[i];
         spsi_particle_set *set = &frame->particles.sets[frame->particles.set_count];
         spsi_material material;
         if (particles->count == 0) continue;
-        if (frame->particles.set_count == SPSI_SETS_MAX)
+        colored += particles->has_albedos != 0;
+        if (frame->particles.set_count + 3 * colored >= SPSI_SETS_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particle_set_count",
-                                   scene->particle_set_count, "at most 64 sets may hold particles");
+                                   scene->particle_set_count,
+                                   "at most 64 sets may hold particles; those with albedos count as 4");
         /* cannot overflow a 32-bit size_t: both are at most SPSI_PARTICLES_MAX */
         frame->particles.count += particles->count;
         if (frame->particles.count > SPSI_PARTICLES_MAX)
@@ -4951,11 +4965,20 @@ SPSI_COLD sps_result spsi_resolve_particles(sps_context *context, spsi_frame *fr
                                    (double)frame->particles.count, "all sets together must have 2^29 at most");
         memset(&material, 0, sizeof material);
         spsi_material_lobes(particles->lobes, particles->lobe_count, &material);
-        spsi_material_gas(1, particles->albedo, particles->emission, &material);
+        spsi_material_gas(1, particles->has_albedos ? white : particles->albedo, particles->emission, &material);
         spsi_material_ambient(frame, particles->ambient, &material);
+        material.colored = particles->has_albedos ? 3 : 0;
         set->given = *particles;
         set->index = i;
         set->channel = spsi_take_material(frame, &material);
+        for (int c = 0; c < material.colored; ++c) {
+            spsi_material carrier;
+            memset(&carrier, 0, sizeof carrier);
+            carrier.carries = 1;
+            spsi_material_lobes(NULL, 0, &carrier);
+            spsi_take_material(frame, &carrier);
+        }
+        frame->particles.has_albedos |= particles->has_albedos != 0;
         set->soft = particles->soft != 0;
         frame->particles.has_soft |= set->soft;
         frame->particles.set_count += 1;
@@ -5859,7 +5882,9 @@ SPSI_COLD sps_result spsi_gather(sps_context *context, const spsi_frame *frame) 
 #define SPSI_PARTICLE_BATCH 4096 /* per read_fn call */
 
 /* Returns a particle's invalid field, its rule and value; NULL if valid. */
-SPSI_COLD const char *spsi_particle_wrong(const sps_particle *particle, const char **rule, double *value) {
+SPSI_COLD const char *spsi_particle_wrong(const sps_particle *particle, int has_albedos, const char **rule,
+                                          double *value) {
+    const float *bad;
     for (int i = 0; i < 3; ++i) {
         *value = (double)particle->position[i];
         *rule = "it must be within 1e15";
@@ -5870,7 +5895,11 @@ SPSI_COLD const char *spsi_particle_wrong(const sps_particle *particle, const ch
     if (!(*value >= 0 && *value <= SPSI_COORDINATE_MAX)) return "radius";
     *value = (double)particle->optical_depth;
     *rule = "it must be 0..1e18";
-    return *value >= 0 && particle->optical_depth <= SPSI_VALUE_MAX ? NULL : "optical_depth";
+    if (!(*value >= 0 && particle->optical_depth <= SPSI_VALUE_MAX)) return "optical_depth";
+    bad = has_albedos ? spsi_bad_color(particle->albedo, 1) : NULL;
+    *rule = "red, green and blue must be 0..1";
+    if (bad) *value = (double)*bad;
+    return bad ? "albedo" : NULL;
 }
 
 /* Fails on invalid particles, or sets their radius to 0. */
@@ -5879,7 +5908,7 @@ SPSI_COLD sps_result spsi_particles_validate(sps_context *context, const spsi_pa
     for (size_t i = 0; i < count; ++i) {
         const char *rule;
         double value;
-        const char *wrong = spsi_particle_wrong(&list[i], &rule, &value);
+        const char *wrong = spsi_particle_wrong(&list[i], set->given.has_albedos, &rule, &value);
         char field[64];
         if (!wrong) continue;
         if (replace) {
@@ -5893,36 +5922,67 @@ SPSI_COLD sps_result spsi_particles_validate(sps_context *context, const spsi_pa
     return SPS_OK;
 }
 
+/* Numbers of albedos and of particles read at once; 0 if none are needed. */
+SPSI_COLD size_t spsi_albedo_count(const spsi_frame *frame) {
+    return frame->particles.has_albedos ? frame->particles.count : 0;
+}
+SPSI_COLD size_t spsi_batch_count(const spsi_frame *frame) {
+    const size_t count = frame->particles.count;
+    return count < SPSI_PARTICLE_BATCH ? count : SPSI_PARTICLE_BATCH;
+}
+
+/* Lists of particles being read. */
+typedef struct spsi_particle_lists {
+    sps_particle *batch;
+    spsi_particle *list;
+    float (*albedos)[3]; /* NULL: none */
+    size_t read;
+} spsi_particle_lists;
+
+/* Keeps a batch's non-empty particles. */
+SPSI_COLD void spsi_particles_keep(const spsi_frame *frame, const spsi_particle_set *set, size_t count,
+                                   const spsi_particle_lists *lists) {
+    for (size_t i = 0; i < count; ++i) {
+        const sps_particle *from = &lists->batch[i];
+        spsi_particle *to = &lists->list[frame->content->particle_count];
+        if (!(from->radius >= SPSI_VALUE_MIN && from->optical_depth >= SPSI_VALUE_MIN)) continue;
+        memcpy(to->position, from->position, sizeof to->position);
+        to->radius = from->radius;
+        to->optical_depth = from->optical_depth;
+        if (lists->albedos)
+            memcpy(lists->albedos[frame->content->particle_count],
+                   set->given.has_albedos ? from->albedo : set->given.albedo, sizeof from->albedo);
+        frame->content->particle_count += 1;
+    }
+}
+
 /* Reads a set, dropping empty particles. */
 SPSI_COLD sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame, const spsi_particle_set *set,
-                                     size_t *read, sps_particle *list) {
+                                     spsi_particle_lists *lists) {
     for (size_t first = 0; first < set->given.count; first += SPSI_PARTICLE_BATCH) {
         const size_t left = set->given.count - first, count = left < SPSI_PARTICLE_BATCH ? left : SPSI_PARTICLE_BATCH;
-        sps_particle *batch = list + frame->content->particle_count; /* fits: no more are kept than read */
-        if (spsi_progress(context, SPSI_PROGRESS_GATHER * (double)*read / (double)frame->particles.count))
+        if (spsi_progress(context, SPSI_PROGRESS_GATHER * (double)lists->read / (double)frame->particles.count))
             return context->result;
-        memset(batch, 0, count * sizeof *batch);
+        memset(lists->batch, 0, count * sizeof *lists->batch);
         context->stats.particle_calls += 1;
         if (spsi_check_call(context, SPS_OBJECT_PARTICLES, set->index, "read_fn",
-                            set->given.read_fn(set->given.user, first, count, batch)) ||
-            spsi_particles_validate(context, set, batch, first, count, frame->given.replace_invalid))
+                            set->given.read_fn(set->given.user, first, count, lists->batch)) ||
+            spsi_particles_validate(context, set, lists->batch, first, count, frame->given.replace_invalid))
             return context->result;
-        for (size_t i = 0; i < count; ++i)
-            if (batch[i].radius >= SPSI_VALUE_MIN && batch[i].optical_depth >= SPSI_VALUE_MIN)
-                list[frame->content->particle_count++] = batch[i];
-        *read += count;
+        spsi_particles_keep(frame, set, count, lists);
+        lists->read += count;
     }
     frame->content->set_ends[set - frame->particles.sets] = frame->content->particle_count;
     return SPS_OK;
 }
 
 /* Optical depth along the diameter. */
-static double spsi_particle_depth(const sps_particle *particle, const spsi_particle_set *set) {
+static double spsi_particle_depth(const spsi_particle *particle, const spsi_particle_set *set) {
     const double shape = set->soft ? 4.0 / 3 : 2;
     return (double)particle->optical_depth * (set->given.is_extinction ? shape * (double)particle->radius : 1);
 }
 
-SPSI_COLD void spsi_particle_bounds(const sps_particle *particle, spsi_bounds *bounds) {
+SPSI_COLD void spsi_particle_bounds(const spsi_particle *particle, spsi_bounds *bounds) {
     for (int k = 0; k < 3; ++k) {
         const double at = (double)particle->position[k];
         const double reach = spsi_dmax((double)particle->radius, 1e-12 * fabs(at)); /* so that low and high differ */
@@ -5959,7 +6019,7 @@ SPSI_COLD void spsi_measure_particles(const spsi_frame *frame) {
     if (frame->content->particle_count == 0) return;
     for (int i = 0; i < 3; ++i) origin[i] = (double)frame->content->particles[0].position[i];
     for (int n = 0; n < frame->content->particle_count; ++n) {
-        const sps_particle *particle = &frame->content->particles[n];
+        const spsi_particle *particle = &frame->content->particles[n];
         spsi_bounds box;
         spsi_particle_bounds(particle, &box);
         for (int i = 0; i < 3; ++i) {
@@ -5976,17 +6036,21 @@ SPSI_COLD void spsi_measure_particles(const spsi_frame *frame) {
     frame->content->particle_extinction = spsi_measure_extinction(frame);
 }
 
-/* Reads every set once; 20 bytes per particle. */
+/* Reads every set once; 20 bytes per particle, 32 if some have albedos. */
 SPSI_COLD sps_result spsi_gather_particles(sps_context *context, const spsi_frame *frame) {
     const uint64_t replaced = context->stats.values_replaced;
-    size_t read = 0;
-    sps_particle *list;
+    const size_t count = frame->particles.count, colored = spsi_albedo_count(frame);
     if (frame->particles.set_count == 0) return SPS_OK;
-    list = (sps_particle *)spsi_reserve(context, SPSI_BUFFER_PARTICLES, frame->particles.count, sizeof(sps_particle));
-    if (!list) return context->result;
+    spsi_particle_lists lists = {
+        (sps_particle *)spsi_reserve(context, SPSI_BUFFER_PARTICLE_BATCH, spsi_batch_count(frame), sizeof(sps_particle)),
+        (spsi_particle *)spsi_reserve(context, SPSI_BUFFER_PARTICLES, count, sizeof(spsi_particle)),
+        (float(*)[3])spsi_reserve(context, SPSI_BUFFER_PARTICLE_ALBEDOS, colored, sizeof(float[3])), 0};
+    if (context->result) return context->result;
+    if (colored == 0) lists.albedos = NULL;
     for (int i = 0; i < frame->particles.set_count; ++i)
-        if (spsi_gather_set(context, frame, &frame->particles.sets[i], &read, list)) return context->result;
-    frame->content->particles = list;
+        if (spsi_gather_set(context, frame, &frame->particles.sets[i], &lists)) return context->result;
+    frame->content->particles = lists.list;
+    frame->content->albedos = (const float(*)[3])lists.albedos;
     context->stats.particles = (uint64_t)frame->content->particle_count;
     spsi_measure_particles(frame);
     spsi_tell_replaced(context, replaced, "particles were invalid and are ignored");
@@ -6067,7 +6131,7 @@ SPSI_COLD float spsi_brick_extinction(const spsi_material *material, const spsi_
 
 /* Adds a particle's maximum extinction in each cell, capped at its optical depth / cell edge. Returns 0 if it covers
    more than `touched` cells. */
-SPSI_COLD int spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_particle *particle,
+SPSI_COLD int spsi_bound_add_particle(const spsi_bound_grid *grid, const spsi_particle *particle,
                                       const spsi_particle_set *set, int touched) {
     const double radius = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2;
     const double depth = spsi_particle_depth(particle, set);
@@ -6132,7 +6196,7 @@ SPSI_COLD double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bo
     const int most = frame->content->particle_count <= SPSI_BOUND_FEW ? SPSI_BOUND_CELLS : SPSI_BOUND_MOST;
     double large = 0;
     for (int i = 0; i < frame->content->particle_count; ++i) {
-        const sps_particle *particle = &frame->content->particles[i];
+        const spsi_particle *particle = &frame->content->particles[i];
         const spsi_particle_set *set = spsi_set_of(frame, i);
         if (!spsi_bound_add_particle(grid, particle, set, most)) large += spsi_particle_depth(particle, set);
     }
@@ -9151,12 +9215,12 @@ static double spsi_sphere_widen(double depth, int soft, double share) {
 }
 
 /* World radius, raised to the minimum in pixels. `offset`: centre from the rays' origin. */
-static double spsi_sphere_radius(const spsi_rays *rays, const sps_particle *particle, const double offset[3]) {
+static double spsi_sphere_radius(const spsi_rays *rays, const spsi_particle *particle, const double offset[3]) {
     return spsi_dmax((double)particle->radius, SPSI_SPHERE_LEAST * rays->pixel * spsi_distance_to(rays, offset));
 }
 
 /* Optical depths below 1e-3 scale inversely with area, correct to 4e-4. */
-static void spsi_sphere_dilute(const spsi_particle_set *set, const sps_particle *particle, double radius,
+static void spsi_sphere_dilute(const spsi_particle_set *set, const spsi_particle *particle, double radius,
                                spsi_sphere *sphere) {
     const double own = (double)particle->radius, share = own < radius ? (own / radius) * (own / radius) : 1;
     const double depth = spsi_particle_depth(particle, set);
@@ -9230,7 +9294,7 @@ static void spsi_sphere_near_range(const double across[3], const double along[3]
 }
 
 /* Returns the world radius used. */
-static double spsi_sphere_build(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
+static double spsi_sphere_build(const spsi_rays *rays, const spsi_particle_set *set, const spsi_particle *particle,
                                 spsi_sphere *sphere) {
     double centre[3], offset[3], q[3], c[3], radius, ahead;
     memset(sphere, 0, sizeof *sphere);
@@ -9380,7 +9444,7 @@ static double spsi_sphere_box(const spsi_sphere *sphere, int box[4]) {
 
 /* Ratio of the chord sum over all cube faces to the exact one; equal on all faces, to avoid seams. */
 static double spsi_sphere_mass_round(const spsi_rays *own, const spsi_rays *faces, const spsi_particle_set *set,
-                                     const sps_particle *particle, const spsi_sphere *sphere, const double offset[3]) {
+                                     const spsi_particle *particle, const spsi_sphere *sphere, const double offset[3]) {
     const double texel = spsi_length(own->a) * spsi_length(offset), radius = spsi_sphere_radius(own, particle, offset);
     const int last = own->width - 1;
     double sum = 0;
@@ -9401,7 +9465,7 @@ static double spsi_sphere_mass_round(const spsi_rays *own, const spsi_rays *face
 /* Makes a small sphere's mass exact wherever its centre lies. Corrects fully up to radii of 2/3 `coarse` texels, fading
    to none at `coarse`. `faces`: a cube's, summed; NULL: one face. */
 static void spsi_sphere_weigh(const spsi_rays *rays, const spsi_rays *faces, double coarse,
-                              const spsi_particle_set *set, const sps_particle *particle, spsi_sphere *sphere) {
+                              const spsi_particle_set *set, const spsi_particle *particle, spsi_sphere *sphere) {
     double centre[3], offset[3], texel, share, mass;
     int box[4];
     /* most spheres are larger; left side: sum of the outline's inverse squared half axes */
@@ -10688,6 +10752,7 @@ typedef struct spsi_projected_sphere {
     float reach_depth;    /* maximum radius in t */
     float tilt_x, tilt_y; /* slab coordinate per pixel at constant t */
     int channel;
+    const float *albedo; /* NULL: uniform; else also goes to the next channels, times albedo */
 } spsi_projected_sphere;
 
 SPSI_COLD void spsi_sphere_setup_build(const spsi_rays *rays, const spsi_slabs *slabs, int backwards,
@@ -10707,7 +10772,7 @@ SPSI_COLD void spsi_sphere_setup_build(const spsi_rays *rays, const spsi_slabs *
     crossing->reach_depth = rays->per_length;
 }
 
-static void spsi_particle_slabs(const spsi_sphere_setup *crossing, const sps_particle *particle, double *slab,
+static void spsi_particle_slabs(const spsi_sphere_setup *crossing, const spsi_particle *particle, double *slab,
                                 double *reach) {
     double centre[3], offset[3];
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
@@ -10717,7 +10782,7 @@ static void spsi_particle_slabs(const spsi_sphere_setup *crossing, const sps_par
 }
 
 static void spsi_projected_sphere_build(const spsi_sphere_setup *crossing, const spsi_particle_set *set,
-                                        const sps_particle *particle, int channel, int first_slab, double coarse,
+                                        const spsi_particle *particle, int channel, int first_slab, double coarse,
                                         spsi_projected_sphere *projected) {
     const spsi_rays *rays = crossing->rays;
     const double radius = spsi_sphere_build(rays, set, particle, &projected->sphere);
@@ -13022,7 +13087,7 @@ static int spsi_list_place(const spsi_target *target, const spsi_sphere *sphere)
 static void spsi_projected_sphere_task(void *data, int i) {
     const spsi_contents *contents = (const spsi_contents *)data;
     const spsi_frame *frame = contents->frame;
-    const sps_particle *particles = frame->content->particles;
+    const spsi_particle *particles = frame->content->particles;
     const int particle = contents->particles.present[i], ahead = i + 16;
     const spsi_particle_set *set = spsi_set_of(frame, particle);
     if (ahead < contents->particles.current)
@@ -13034,6 +13099,8 @@ static void spsi_projected_sphere_task(void *data, int i) {
             &target->crossing, set, &particles[particle], target->set_channels[set - frame->particles.sets],
             contents->first_slab, target->rays == &frame->content->eye ? SPSI_SPHERE_COARSE : SPSI_SPHERE_COARSE_LIGHT,
             projected);
+        projected->albedo =
+            target->kind < SPSI_TARGET_MAP && set->given.has_albedos ? frame->content->albedos[particle] : NULL;
         target->particles.places[i] = spsi_list_place(target, &projected->sphere);
     }
 }
@@ -13314,6 +13381,13 @@ static void spsi_tile_splat_one(spsi_tile_fill *fill, const spsi_projected_spher
     spsi_tile_touch(fill);
     if (fill->summed++ == SPSI_SUMMED_MOST) spsi_tile_carry(fill);
     spsi_splat_particle(fill->tile, &fill->target->crossing, projected, fill->contents->first_slab == 0, left);
+    for (int c = 0; c < 3 && projected->albedo; ++c) {
+        spsi_projected_sphere colored = *projected;
+        colored.channel += 1 + c;
+        colored.weight *= projected->albedo[c];
+        if (colored.weight > 0)
+            spsi_splat_particle(fill->tile, &fill->target->crossing, &colored, fill->contents->first_slab == 0, left);
+    }
 }
 
 /* Splats a list's particles. `beyond`: 0: all; 1: only if reaching the next column of tiles; 2: row; 3: both. */
@@ -14380,7 +14454,7 @@ typedef struct spsi_sphere_job {
 
 static void spsi_spheres_task(void *data, int i) {
     const spsi_sphere_job *job = (const spsi_sphere_job *)data;
-    const sps_particle *particle = &job->frame->content->particles[i];
+    const spsi_particle *particle = &job->frame->content->particles[i];
     const spsi_particle_set *set = spsi_set_of(job->frame, i);
     spsi_sphere_build(job->rays, set, particle, &job->spheres[i]);
     spsi_sphere_weigh(job->rays, job->faces, SPSI_SPHERE_COARSE_LIGHT, set, particle, &job->spheres[i]);
@@ -18452,10 +18526,11 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
 /* Escaping light of a uniformly emitting sphere, and a fraction `part` of its trapped light; p: probability of
    unscattered escape. Accurate to 1 % up to an optical radius x of 10. Anisotropic lobes are treated as isotropic with
    less extinction. Towards the eye, extinction excludes `peak`. */
-static void spsi_emitter_trap(const spsi_material *material, double peak, double x, double part, spsi_emitter *like) {
+static void spsi_emitter_trap(const spsi_material *material, const float own[3], double peak, double x, double part,
+                              spsi_emitter *like) {
     const double once = spsi_sphere_escape(x);
     for (int c = 0; c < 3; ++c) {
-        const double emission = (double)material->emission[c], albedo = (double)material->albedo[c];
+        const double emission = (double)material->emission[c], albedo = (double)own[c];
         const double ahead = albedo * spsi_phase_moment(material, 1), again = (albedo - ahead) / (1 - ahead);
         const double p = spsi_sphere_escape(x * (1 - ahead)), q = (1 - p) * (1 - p) / p;
         const double later = p / (1 + 0.083 * q / (1 + (1 - again) * q / 3));
@@ -18469,7 +18544,7 @@ static void spsi_emitter_trap(const spsi_material *material, double peak, double
 }
 
 /* Volume of all particles but the largest, relative to the uniform sphere of equal variance. */
-static double spsi_particles_crowd(const sps_particle *list, int count) {
+static double spsi_particles_crowd(const spsi_particle *list, int count) {
     double cubes = 0, largest = 0, at[3] = {0, 0, 0}, square = 0;
     for (int n = 0; n < count; ++n) {
         const double radius = (double)list[n].radius, cube = radius * radius * radius;
@@ -18526,7 +18601,7 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
         const double width = spsi_bounds_longest(&bounds[i]);
         const double dense = spsi_dmin(2 * width * (double)top[i] * (double)material->extinction, 1);
-        if (top[i] > 0 && material->emits && !material->glow)
+        if (top[i] > 0 && material->emits && !spsi_material_varies(material))
             frame->content->flies[frame->media[i].channel] =
                 (float)spsi_dmin(dense * spsi_dmax(0, 2 - width / (6 * edge)), 1);
     }
@@ -18535,7 +18610,7 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
 /* Position, radius and optical radius of a particle's equivalent uniform sphere. Soft particles: 0.845 of the radius
    for equal variance, 0.75 of the depth for equal escape (within 4 % up to depth 10). Returns volume times
    extinction. */
-static double spsi_emitter_particle(const sps_particle *particle, const spsi_particle_set *set, double point[3],
+static double spsi_emitter_particle(const spsi_particle *particle, const spsi_particle_set *set, double point[3],
                                     double *own, spsi_emitter *like) {
     const double depth = spsi_particle_depth(particle, set), radius = (double)particle->radius;
     for (int k = 0; k < 3; ++k) point[k] = (double)particle->position[k];
@@ -18546,7 +18621,7 @@ static double spsi_emitter_particle(const sps_particle *particle, const spsi_par
 
 /* Adds a fraction of many particles' emission as a uniform sphere per block of cells, reduced by the particles' mean
    self-absorption. The tree's nodes store the sums; `square`: position^2, value^2 and depth. */
-static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_set *set, const sps_particle *list,
+static void spsi_emitters_add_blocks(spsi_flights *flights, const spsi_particle_set *set, const spsi_particle *list,
                                      int count, double part, spsi_emitter *like, spsi_tree_item *items) {
     spsi_emitter_sum *sum, *sums = (spsi_emitter_sum *)(void *)flights->nodes;
     for (int g = 0; g < flights->grid_count; ++g) {
@@ -18603,7 +18678,8 @@ static void spsi_emitters_add_particles(const spsi_frame *frame, spsi_flights *f
             if (!many) spsi_emitters_add(flights, point, (1 - flies) * amount, -1, &like, items[SPSI_FLIGHTS_EMISSION]);
             if (!(flies > 0)) continue;
             like.gas = (float)amount;
-            spsi_emitter_trap(material, (double)flights->grids->peak[set->channel], own, flies, &like);
+            spsi_emitter_trap(material, content->albedos ? content->albedos[n] : material->albedo,
+                              (double)flights->grids->peak[set->channel], own, flies, &like);
             spsi_emitter_own_absorption(flights, point, radius, own, set->channel, &like);
             spsi_emitters_add(flights + 1, point, flies * amount, own, &like, items[SPSI_FLIGHTS_BEAMS]);
         }
@@ -18656,7 +18732,7 @@ static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice
     area = spsi_emitter_sum_sphere(lattice, sum, point, &like);
     like.gas = (float)(amount * extinction);
     own = 0.75 / SPSI_PI * amount * extinction / area;
-    spsi_emitter_trap(material, (double)flights->grids->peak[m], own, flies / spsi_dmax(extinction, (double)FLT_MIN),
+    spsi_emitter_trap(material, material->albedo, (double)flights->grids->peak[m], own, flies / spsi_dmax(extinction, (double)FLT_MIN),
                       &like);
     spsi_emitter_own_absorption(flights, point, (double)like.radius, own, m, &like);
     spsi_emitters_add(flights, point, flies * amount, own, &like, items);
@@ -24351,7 +24427,7 @@ SPSI_COLD double spsi_spheres_depth(const spsi_frame *frame) {
     for (int i = 0, n = 0; i < frame->particles.set_count && frame->content->particle_count > 0; ++i) {
         const spsi_particle_set *set = &frame->particles.sets[i];
         for (; n < frame->content->set_ends[i]; ++n) {
-            const sps_particle *sphere = &frame->content->particles[n];
+            const spsi_particle *sphere = &frame->content->particles[n];
             const double radius = (double)sphere->radius, depth = spsi_particle_depth(sphere, set);
             if (!frame->matter.materials[set->channel].scatters) continue;
             sum += radius * radius * spsi_dmin(depth, 1) * depth;
@@ -24982,7 +25058,9 @@ SPSI_COLD void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *fr
         spsi_reserve(context, SPSI_BUFFER_SEGMENTS, (size_t)segments, sizeof(spsi_segment) + 3 * sizeof(void *));
         spsi_reserve(context, SPSI_BUFFER_BRICKS, (size_t)reading->bricks + 2, 3 * sizeof(spsi_brick));
     }
-    spsi_reserve(context, SPSI_BUFFER_PARTICLES, frame->particles.count, sizeof(sps_particle));
+    spsi_reserve(context, SPSI_BUFFER_PARTICLES, frame->particles.count, sizeof(spsi_particle));
+    spsi_reserve(context, SPSI_BUFFER_PARTICLE_ALBEDOS, spsi_albedo_count(frame), sizeof(float[3]));
+    spsi_reserve(context, SPSI_BUFFER_PARTICLE_BATCH, spsi_batch_count(frame), sizeof(sps_particle));
     if (spsi_pyramids_wanted(frame)) spsi_pyramids_count(context, frame, reading->bricks_of);
 }
 
@@ -25580,7 +25658,7 @@ typedef struct spsi_ray_chord {
     double at[2];        /* relative optical depth at the segment's ends */
 } spsi_ray_chord;
 
-static int spsi_ray_chord_in_sphere(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set,
+static int spsi_ray_chord_in_sphere(const spsi_ray *ray, const spsi_particle *particle, const spsi_particle_set *set,
                                     spsi_ray_chord *chord) {
     const double radius = (double)particle->radius;
     double offset[3], square;
@@ -25614,6 +25692,26 @@ static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *
     }
     for (int i = 0; i < frame->particles.set_count; ++i) sum += depths[i];
     return sum;
+}
+
+/* Mean albedo of a set along a ray, weighted by optical depth. */
+static void spsi_particles_albedo(const spsi_marcher *marcher, int number, const spsi_ray *ray, spsi_v color[3]) {
+    const spsi_frame *frame = marcher->frame;
+    double sum = 0, colors[3] = {0, 0, 0};
+    spsi_walk walk;
+    int particle;
+    spsi_walk_begin(&marcher->particles, &walk);
+    while (ray->high > ray->low && (particle = spsi_walk_on(&walk, ray)) >= 0) {
+        const spsi_particle_set *set = spsi_set_of(frame, particle);
+        spsi_ray_chord chord;
+        if (set != &frame->particles.sets[number] ||
+            !spsi_ray_chord_in_sphere(ray, &frame->content->particles[particle], set, &chord))
+            continue;
+        const double depth = chord.depth * (chord.at[1] - chord.at[0]);
+        sum += depth;
+        for (int c = 0; c < 3; ++c) colors[c] += depth * (double)frame->content->albedos[particle][c];
+    }
+    for (int c = 0; c < 3 && sum > 0; ++c) color[c] = spsi_set((float)(colors[c] / sum));
 }
 
 /* A pixel's ray from the near plane on. Returns length per unit of t. */
@@ -25811,8 +25909,11 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
     spsi_particles_depth(marcher, ray, depths);
     for (int m = 0; m < marcher->part_count; ++m) {
         spsi_march_sample(marcher, m, point->position, &point->samples[m], &point->value[m], &point->extinction[m]);
-        if (m >= frame->medium_count)
+        if (m >= frame->medium_count) {
             point->value[m] = point->extinction[m] = depths[m - frame->medium_count] / (ray->high - ray->low);
+            if (spsi_material_of(frame, m)->colored > 0)
+                spsi_particles_albedo(marcher, m - frame->medium_count, ray, point->samples[m].color);
+        }
         point->value_sum += point->value[m];
         point->extinction_sum += point->extinction[m];
     }
@@ -27151,7 +27252,7 @@ static sps_result spsi_emission_build(sps_context *context, spsi_marcher *marche
         }
     }
     for (int i = 0; i < frame->content->particle_count; *sums++ = sum, ++i) {
-        const sps_particle *particle = &frame->content->particles[i];
+        const spsi_particle *particle = &frame->content->particles[i];
         const spsi_particle_set *set = spsi_set_of(frame, i);
         const double depth = spsi_dmin(spsi_particle_depth(particle, set), (double)SPSI_DEPTH_MAX);
         const double section = SPSI_PI * (double)particle->radius * (double)particle->radius;
@@ -27206,7 +27307,7 @@ static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, sp
         spsi_emission_color(marcher, m, light->position, light->color);
     } else {
         const spsi_particle_set *set = spsi_set_of(frame, (int)low);
-        const sps_particle *particle = &frame->content->particles[low];
+        const spsi_particle *particle = &frame->content->particles[low];
         const double up[3] = {0, 0, 1};
         double r, way[3];
         material = &frame->matter.materials[set->channel];
@@ -27348,6 +27449,13 @@ static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample 
     point.samples = sample;
     path->material = material;
     spsi_march_sample(marcher, part, point.position, sample, &value, &extinction);
+    if (part >= marcher->frame->medium_count && material->colored > 0) {
+        const spsi_bounds *bounds = &marcher->frame->content->bounds;
+        const double room = 1e-7 * spsi_dmax(spsi_bounds_longest(bounds), DBL_MIN); /* averaged over a tiny length */
+        spsi_ray here = path->ray;
+        here.low = here.high - room, here.high += room;
+        spsi_particles_albedo(marcher, part - marcher->frame->medium_count, &here, sample->color);
+    }
     spsi_path_lights(marcher, &point, path);
     cosine = sample->has_normal ? 2 * spsi_random(&path->random) - 1 : spsi_random_phase(&path->random, material);
     spsi_random_about(&path->random, path->ray.direction, cosine, way);

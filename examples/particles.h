@@ -11,7 +11,7 @@ static inline int ex_particles_read(void *user, size_t first, size_t count, sps_
     return 0;
 }
 
-/* Particles as a file has them: x y z radius opticaldepth, five 32-bit floats each. */
+/* Particles as a file has them. */
 typedef struct ex_particles {
     sps_particle *list;
     size_t count;
@@ -32,26 +32,41 @@ static inline void ex_particles_measure(ex_particles *particles) {
     }
 }
 
-static inline int ex_particles_load(ex_particles *particles, const char *path, ex_error *error) {
+static inline void ex_particle_set(const float numbers[8], int has_albedo, sps_particle *particle) {
+    memcpy(particle->position, numbers, sizeof particle->position);
+    particle->radius = numbers[3], particle->optical_depth = numbers[4];
+    if (has_albedo) memcpy(particle->albedo, numbers + 5, sizeof particle->albedo);
+}
+
+/* The numbers of a particle in a file: x y z radius opticaldepth and, if they have albedos, r g b. */
+static inline size_t ex_particle_floats(int has_albedos) { return has_albedos ? 8 : 5; }
+
+static inline int ex_particles_load(ex_particles *particles, const char *path, int has_albedos, ex_error *error) {
+    const size_t floats = ex_particle_floats(has_albedos), item = floats * sizeof(float);
     uint64_t held = 0;
+    size_t got = 0;
     memset(particles, 0, sizeof *particles);
     FILE *file = ex_open(path, &held, error);
     if (!file) return 1;
-    if (held % sizeof(sps_particle) != 0 || held > SIZE_MAX / 2) {
+    if (held % item != 0 || held > SIZE_MAX / 4) {
         fclose(file);
-        return ex_fail(error, "%s: the file holds %llu bytes, which is no multiple of a particle's 20", path,
-                       (unsigned long long)held);
+        return ex_fail(error, "%s: the file holds %llu bytes, which is no multiple of a particle's %zu", path,
+                       (unsigned long long)held, item);
     }
-    particles->count = (size_t)held / sizeof(sps_particle);
+    particles->count = (size_t)held / item;
     particles->list = (sps_particle *)ex_allocate(particles->count + 1, sizeof(sps_particle));
-    const size_t got = fread(particles->list, sizeof(sps_particle), particles->count, file);
+    while (got < particles->count) {
+        float numbers[8];
+        if (fread(numbers, sizeof *numbers, floats, file) != floats) break;
+        ex_little_endian(numbers, floats, sizeof *numbers);
+        ex_particle_set(numbers, has_albedos, &particles->list[got++]);
+    }
     fclose(file);
     if (got != particles->count) {
         free(particles->list);
         memset(particles, 0, sizeof *particles);
         return ex_fail(error, "%s: reading failed after %zu particles", path, got);
     }
-    ex_little_endian(particles->list, 5 * particles->count, sizeof(float));
     ex_particles_measure(particles);
     return 0;
 }

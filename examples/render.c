@@ -64,13 +64,15 @@ static int load_volume(volume_arguments *from, sps_volume *volume, ex_error *err
     }
     from->transfer.points = from->points.points, from->transfer.point_count = (int)from->points.point_count;
     volume->transfer = &from->transfer;
+    volume->classify_voxels = from->classify;
     return 0;
 }
 
 static int load_particles(particles_arguments *from, sps_particles *set, ex_error *error) {
-    if (ex_particles_load(&from->particles, from->file, error)) return 1;
+    if (ex_particles_load(&from->particles, from->file, from->has_albedos, error)) return 1;
     set->count = from->particles.count;
     set->read_fn = ex_particles_read, set->user = from->particles.list;
+    set->has_albedos = from->has_albedos;
     set->soft = from->soft, set->is_extinction = from->is_extinction;
     to_floats(from->albedo, set->albedo);
     to_floats(from->emission, set->emission);

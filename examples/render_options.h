@@ -30,7 +30,7 @@ typedef struct phase_lobes {
 typedef struct volume_arguments {
     option_set given;
     const char *file, *transfer_file;
-    int size[3], type, shading;
+    int size[3], type, shading, classify;
     double range[2], box[6], extinction, albedo[3], emission[3], ambient[3];
     phase_lobes lobes;
     ex_voxel_file voxels; /* from the file's header, overridden by options */
@@ -44,6 +44,7 @@ typedef struct particles_arguments {
     option_set given;
     const char *file;
     int soft, is_extinction;
+    int has_albedos;
     double albedo[3], emission[3], ambient[3];
     phase_lobes lobes;
     ex_particles particles;
@@ -125,6 +126,7 @@ typedef struct option_rule {
 } option_rule;
 
 static const char *const shading_names[] = {"gas", "surface", NULL};
+static const char *const classify_names[] = {"samples", "voxels", NULL};
 /* sps_filling */
 static const char *const filling_names[] = {"auto", "splat", "gather", NULL};
 /* sps_scattering */
@@ -420,12 +422,14 @@ static const option_rule options[] = {
     {"--phase", "g[,g2,w]", "Henyey-Greenstein lobes, g weighing 1-w and g2 weighing w; default 0, isotropic", set_phase, OF_VOLUME(lobes), 1, -0.99, 0.99, NULL},
     {"--transfer", "FILE", "lines: value r g b extinction [r g b], values rising; the last three: emission, radiance per world unit", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
     {"--transfer-point", "value,r,g,b,extinction[,r,g,b]", "instead of --transfer, one such line; repeatable", add_point, OF_VOLUME(points), NO_NUMBERS},
+    {"--classify", "voxels|samples", "voxels: --transfer applies to voxels, before interpolation, as labels need; default samples", set_choice, OF_VOLUME(classify), 1, 0, 0, classify_names},
     {"--shading", "gas|surface", "surface: lit by the gradient, where that is strong; default gas", set_choice, OF_VOLUME(shading), 1, 0, 0, shading_names},
     {"--particles", "FILE", "little-endian 32-bit floats, x y z radius opticaldepth of each; repeatable", add_particles, SCENE, 0, NO_NUMBERS},
     {"--particle-albedo", "r,g,b", "default 0.8,0.8,0.8", set_reals, OF_PARTICLES(albedo), 3, 0, 1, NULL},
     {"--particle-emission", "r,g,b", "radiance per unit of optical depth; default 0,0,0", set_reals, OF_PARTICLES(emission), 3, POSITIVE},
     {"--particle-ambient", "r,g,b", "as --gas-ambient", set_reals, OF_PARTICLES(ambient), 3, POSITIVE},
     {"--particle-phase", "g[,g2,w]", "as --phase", set_phase, OF_PARTICLES(lobes), 1, -0.99, 0.99, NULL},
+    {"--particle-albedos", NULL, "each particle has three more numbers, its albedo r g b, which replaces --particle-albedo", set_flag, OF_PARTICLES(has_albedos), NO_NUMBERS},
     {"--particle-soft", NULL, "they fade to nothing at the rim; otherwise they are equally dense throughout", set_flag, OF_PARTICLES(soft), NO_NUMBERS},
     {"--particle-extinction", NULL, "the fifth number is extinction, per world unit, not optical depth along the diameter", set_flag, OF_PARTICLES(is_extinction), NO_NUMBERS},
     {"--mesh", "FILE.obj", "Wavefront OBJ, polygons; repeatable", add_mesh, SCENE, 0, NO_NUMBERS},

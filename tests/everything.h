@@ -179,6 +179,7 @@ static inline void build_particles(void) {
         it.particle[i].position[1] = 0.5f - 0.3f * (float)(i % 3);
         it.particle[i].position[2] = 0.3f * (float)(i % 2), it.particle[i].radius = 0.2f + 0.05f * (float)i;
         it.particle[i].optical_depth = 0.9f;
+        check_color(it.particle[i].albedo, 0.9, 0.2 + 0.2 * i, 0.1);
         it.other_particle[i] = it.particle[i], it.other_particle[i].radius = 0.3f;
     }
     it.set.count = 3, it.set.read_fn = check_read_particles, it.set.user = it.particle, it.set.soft = 1;
@@ -259,6 +260,7 @@ typedef enum base {
     SLIDE_OF_DISC,
     RECTANGLE,
     COLORED,      /* corners of the first mesh */
+    DYED,         /* particles */
     LONG_INDICES, /* and a second mesh that is shaded by shade_fn */
     BASES
 } base;
@@ -316,6 +318,8 @@ static inline void build_base(base b) {
         it.light[2].kind = SPS_LIGHT_RECTANGLE;
     } else if (b == COLORED) {
         it.mesh[0].has_albedos = 1;
+    } else if (b == DYED) {
+        it.set.has_albedos = 1;
     } else if (b == LONG_INDICES) {
         it.indexed.indices_u16 = NULL, it.indexed.indices_u32 = it.long_indices;
         it.mesh[1].shade_fn = shade, it.mesh[1].shade_user = &it.look;

@@ -228,6 +228,7 @@ static void beside_gas(random_scene *x) {
     const int shape = shapes[draw_below(&x->random, 3)], placement = draw_below(&x->random, 2);
     sps_volume *volume = &x->s.volume[x->s.scene.volume_count];
     add_volume(x, VOLUME_GAS, shape, SOURCE_READ, placement, BESIDE_VOXELS, centre);
+    volume->appearance_fn = NULL; /* photons know gas of one color */
     volume->extinction = (float)(draw_log(&x->random, 0.1, 4) / x->scale);
     if (one_in(&x->random, 2)) return;
     x->lobes[0][0].asymmetry = (float)draw(&x->random, -0.3, 0.7), x->lobes[0][0].weight = 1;
@@ -247,6 +248,7 @@ static void beside_flame(random_scene *x, const double place[3]) {
             volume->placement.axis[a][k] *= edge;
         }
     }
+    volume->appearance_fn = NULL;
     memcpy(x->fields[n].values.size, volume->size, sizeof volume->size);
     x->fields[n].values.placement = volume->placement;
     x->formulas[n].scale = edge * scale;

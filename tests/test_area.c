@@ -326,7 +326,7 @@ static void test_workers(void) {
  * the right one --- */
 
 static void start_ground(check_scene *s) {
-    static const sps_particle sphere = {{0.5f, 2, 0}, 0.45f, 1};
+    static const sps_particle sphere = {{0.5f, 2, 0}, 0.45f, 1, {0, 0, 0}};
     const double ground[3] = {-6, 0, -6}, plate[3] = {-4, 2.6, -4}, along_x[3] = {12, 0, 0}, along_z[3] = {0, 0, 12};
     const double left[3] = {4, 0, 0}, deep[3] = {0, 0, 8};
     sps_light *light;

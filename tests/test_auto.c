@@ -132,7 +132,7 @@ static void test_cube(void) {
 static void test_particles(void) {
     for (int soft = 0; soft < 2; ++soft) {
         static const double along[] = {2, 4.0 / 3};
-        sps_particle particle[2] = {{{0, 0, 0}, 0.5f, 0.3f}, {{0, 0, 0}, 0.5f, 0.3f}};
+        sps_particle particle[2] = {{{0, 0, 0}, 0.5f, 0.3f, {0, 0, 0}}, {{0, 0, 0}, 0.5f, 0.3f, {0, 0, 0}}};
         sps_particles *set;
         double single;
         check_scene s;

@@ -322,6 +322,71 @@ static void test_maps(void) {
     CHECK(memcmp(depths[0], depths[1], sizeof *depths) == 0 && depths[0][0] > 0);
 }
 
+/* --- particles --- */
+
+enum { BALLS = 60, DYES = 4 };
+
+static sps_particle balls[BALLS];
+
+/* One set of balls of several colors, or a set of each color. */
+static void place_balls(check_scene *s, sps_particles *sets, int apart, int soft) {
+    const int count = apart ? DYES : 1;
+    memset(sets, 0, DYES * sizeof *sets);
+    for (int n = 0; n < count; ++n) {
+        sets[n].count = BALLS / (size_t)count, sets[n].read_fn = check_read_particles;
+        sets[n].user = balls + n * BALLS / DYES;
+        sets[n].soft = soft, sets[n].has_albedos = !apart;
+        memcpy(sets[n].albedo, balls[n * BALLS / DYES].albedo, sizeof sets[n].albedo);
+        for (int c = 0; c < 3; ++c) sets[n].emission[c] = s->view.scattering == SPS_SCATTERING_SINGLE ? 0.1f : 0;
+    }
+    s->scene.particles = sets, s->scene.particle_set_count = count;
+}
+
+/* The same balls, in one set or in one for each color: sums are linear in extinction, and in it times albedo. Radii of
+   two pixels and more, which the reference's rays resolve. */
+static void test_particles(void) {
+    static sps_particles sets[DYES];
+    check_random random = {3};
+    check_scene s;
+    build_scene(&s);
+    for (int i = 0; i < BALLS; ++i) {
+        for (int k = 0; k < 3; ++k) balls[i].position[k] = (float)(2 * check_next(&random) - 1);
+        for (int c = 0; c < 3; ++c) balls[i].albedo[c] = (float)check_next(&random);
+        if (i % (BALLS / DYES) > 0) memcpy(balls[i].albedo, balls[i - 1].albedo, sizeof balls[i].albedo);
+        balls[i].radius = (float)(0.2 + 0.2 * check_next(&random));
+        balls[i].optical_depth = (float)(0.5 * check_next(&random));
+    }
+    for (int n = 0; n < 6; ++n) {
+        const int cells = n % 2;
+        s.view.scattering = cells ? SPS_SCATTERING_MULTIPLE : SPS_SCATTERING_SINGLE;
+        check_orthographic(&s.view.camera, n < 4 ? 2.6 : 20);
+        place_balls(&s, sets, 1, n / 2 % 2);
+        if (!check_render(context, &s, exact)) return;
+        place_balls(&s, sets, 0, n / 2 % 2);
+        if (!check_render(context, &s, rgba)) return;
+        const double error = error_of(rgba, exact, PIXELS);
+        if (figures()) printf("particles %d: %g\n", n, error);
+        CHECK_CASE("Particles", "albedo of each against a set of each color", "sets apart; relative", error, 1e-5,
+                   "rounding");
+    }
+    check_perspective(&s.view.camera, 0.3);
+    s.view.scattering = SPS_SCATTERING_SINGLE;
+    double errors[2];
+    for (int colored = 0; colored < 2; ++colored) { /* particles of one color err by their slabs */
+        sets->has_albedos = colored;
+        check_color(sets->albedo, 0.5, 0.5, 0.5);
+        if (!check_render(context, &s, rgba) || !check_march(context, &s, 0.25, exact, NULL)) return;
+        errors[colored] = error_of(rgba, exact, PIXELS);
+    }
+    if (figures()) printf("particles, reference: %g, of one color %g\n", errors[1], errors[0]);
+    CHECK_CASE("Particles", "albedo of each", "sps_reference; relative", errors[1], 1.2 * errors[0],
+               "a fifth more than without albedos");
+    s.view.scattering = SPS_SCATTERING_MULTIPLE;
+    check_paths(context, &s, "albedo of each particle", 24, 0.03);
+    balls[7].albedo[1] = 1.5f;
+    check_fails(context, &s, rgba, SPS_ERROR_DATA, "particle[7].albedo is 1.5; red, green and blue must be 0..1");
+}
+
 /* A context that holds voxels reads them again when colors come, go or change. */
 static void test_held(void) {
     static sps_volume volumes[11];
@@ -403,6 +468,7 @@ int main(void) {
     check_run("sheet", test_sheet);
     check_run("surfaces", test_surfaces);
     check_run("maps", test_maps);
+    check_run("particles", test_particles);
     check_run("held", test_held);
     check_run("errors", test_errors);
     sps_destroy(context);

@@ -27,7 +27,7 @@ typedef struct cloud {
 } cloud;
 
 static int cloud_read(void *user, size_t first, size_t count, sps_particle *out) {
-    static const sps_particle zero = {{0, 0, 0}, 0, 0};
+    static const sps_particle zero = {{0, 0, 0}, 0, 0, {0, 0, 0}};
     cloud *c = (cloud *)user;
     c->calls += 1;
     if (c->limit_calls > 0 && c->calls >= c->limit_calls) return 7;
@@ -1345,7 +1345,7 @@ static void test_sizes_on_six_faces(void) {
     for (int n = 0; n < 3; ++n)
         for (int face = 0; face < SPSI_CUBE_FACES; ++face) {
             const double wide = SPSI_SPHERE_LEAST * 2 / (SIZE - 1) * largest[n];
-            sps_particle particle;
+            spsi_particle particle;
             spsi_rays rays;
             spsi_sphere ball;
             double radius;
@@ -1372,7 +1372,7 @@ typedef struct chord_errors {
 } chord_errors;
 
 /* The vector of pixels from (x, y) on. */
-static void compare_chords(const spsi_rays *rays, const sps_particle *particle, const spsi_sphere *ball, int x, int y,
+static void compare_chords(const spsi_rays *rays, const spsi_particle *particle, const spsi_sphere *ball, int x, int y,
                            chord_errors *errors) {
     const double radius = (double)particle->radius;
     float share[SPSI_LANES], middle[SPSI_LANES];
@@ -1407,7 +1407,7 @@ static void test_chords_close_by(void) {
         const double radius = 0.5 + check_next(&random), ahead = n % 40 * 0.1 * radius;
         chord_errors errors = {0, 0, 0};
         spsi_particle_set set;
-        sps_particle particle;
+        spsi_particle particle;
         sps_view view;
         spsi_rays rays;
         spsi_sphere ball;

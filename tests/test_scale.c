@@ -618,7 +618,7 @@ static const sps_transfer_point faint_points[2] = {{0.3f, {0.8f, 0.8f, 0.8f}, 0,
 static const sps_transfer faint = {faint_points, 2, NULL, NULL, 0};
 
 static int read_two_balls(void *user, size_t first, size_t count, sps_particle *out) {
-    static const sps_particle balls[2] = {{{-0.2f, 0.25f, 0.2f}, 0.2f, 0.8f}, {{0.25f, -0.3f, -0.1f}, 0.3f, 1.2f}};
+    static const sps_particle balls[2] = {{{-0.2f, 0.25f, 0.2f}, 0.2f, 0.8f, {0, 0, 0}}, {{0.25f, -0.3f, -0.1f}, 0.3f, 1.2f, {0, 0, 0}}};
     (void)user;
     memcpy(out, balls + first, count * sizeof *out);
     return 0;

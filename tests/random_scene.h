@@ -587,6 +587,14 @@ static inline int read_scene_crowd(void *user, size_t first, size_t count, sps_p
     return 0;
 }
 
+/* Gives one set in three albedos of their own. */
+static inline void dye_set(random_scene *x, int n) {
+    check_random apart = draw_apart(x);
+    x->sets[n].has_albedos = one_in(&apart, 3);
+    for (int i = 0; i < SCENE_PARTICLES && x->sets[n].has_albedos; ++i)
+        draw_color(&apart, 0.3, 1, x->crowds[n].list[i].albedo);
+}
+
 static inline void add_set(random_scene *x, int soft) {
     const int n = x->s.scene.particle_set_count++;
     check_random *random = &x->random;
@@ -616,6 +624,7 @@ static inline void add_set(random_scene *x, int soft) {
         if (set->count == 1) p->radius *= 2.5f, p->optical_depth *= 3.5f; /* a single dense sphere */
         if (set->is_extinction) p->optical_depth /= 2 * p->radius;
     }
+    dye_set(x, n);
 }
 
 static inline void add_particles(random_scene *x) {
@@ -913,6 +922,9 @@ static inline void copy_channel(random_scene *x, int from, int to) {
     for (int i = 0; i < 4; ++i) colors[count++] = x->s.mesh[i].albedo, colors[count++] = x->s.mesh[i].transmittance;
     colors[count++] = x->s.scene.ambient, colors[count++] = x->s.scene.background;
     for (int i = 0; i < count; ++i) colors[i][to] = colors[i][from];
+    for (int i = 0; i < SCENE_SETS; ++i)
+        for (int k = 0; k < SCENE_PARTICLES; ++k)
+            x->crowds[i].list[k].albedo[to] = x->crowds[i].list[k].albedo[from];
 }
 
 /* Two channels, which are drawn, are the same. */

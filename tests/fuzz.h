@@ -190,6 +190,7 @@ static int read_particles(void *user, size_t first, size_t count, sps_particle *
         if (p->kind == 5 && (first + i) % 100 == 99) out[i].position[i / 100 % 3] = (float)(HUGE_VAL - HUGE_VAL);
         if (p->kind == 4 && (first + i) % 100 == 9) out[i].position[0] *= 1e9f;
         if (p->kind == 3 && (first + i) % 100 == 9) out[i].radius *= check_next(&own) < 0.5 ? 1e6f : 1e-12f;
+        for (int c = 0; c < 3; ++c) out[i].albedo[c] = (float)fmin(1, size * (c + 1));
         if (p->lies == GARBAGE) out[i].radius = (float)garbled(p, 0.1, (uint64_t)(first + i));
     }
     return fails_now(p);
@@ -605,6 +606,30 @@ static void spare_depth_maps(scenery *x) {
         scene->volume_count = scene->particle_set_count = 0;
 }
 
+static int color_voxels(void *user, const int lo[3], const int size[3], float *albedo, float *emission) {
+    provider *p = (provider *)user;
+    for (int i = 0; i < size[0] * size[1] * size[2]; ++i)
+        for (int c = 0; c < 3; ++c) {
+            const double own = 0.5 + 0.5 * sin(i + lo[c] + c);
+            if (albedo) albedo[3 * i + c] = (float)garbled(p, own, (uint64_t)(i + lo[2]));
+            if (emission && c != i % 3) emission[3 * i + c] = (float)garbled(p, own, (uint64_t)(i + lo[1]));
+        }
+    return fails_now(p);
+}
+
+/* Colors of voxels and of particles, in one scene of three. */
+static void random_colors(scenery *x) {
+    if (!one_in(3)) return;
+    for (int i = 0; i < x->s.scene.volume_count; ++i) {
+        sps_volume *volume = &x->s.volume[i];
+        if (volume->transfer)
+            volume->classify_voxels = one_in(2);
+        else if (volume->read_fn != sps_grid_read && one_in(2))
+            volume->appearance_fn = color_voxels;
+    }
+    for (int i = 0; i < x->s.scene.particle_set_count; ++i) x->sets[i].has_albedos = one_in(2);
+}
+
 static void random_scenery(scenery *x) {
     memset(x, 0, sizeof *x);
     check_clear(&x->s, 0, 0);
@@ -626,6 +651,7 @@ static void random_scenery(scenery *x) {
     x->s.scene.replace_invalid = one_in(3);
     random_view(x);
     if (from_bytes) spare_depth_maps(x);
+    random_colors(x);
     if (one_in(12)) spoil(x);
 }
 

@@ -1,4 +1,4 @@
-/* picture.h: writing pictures as PNG and PFM files. */
+/* picture.h: writing pictures as PNG, PFM and Radiance HDR files. */
 
 #ifndef EX_PICTURE_H
 #define EX_PICTURE_H
@@ -28,7 +28,7 @@ static inline unsigned char ex_srgb_code(float linear) {
     return (unsigned char)(255.0f * code + 0.5f);
 }
 
-static inline void ex_png_bytes(void *output, void *data, int size) {
+static inline void ex_encoded_bytes(void *output, void *data, int size) {
     ex_output_bytes((ex_output *)output, data, (size_t)size);
 }
 
@@ -40,8 +40,26 @@ static inline int ex_write_png(const char *path, const float *rgba, int width, i
     unsigned char *codes = (unsigned char *)ex_allocate(count, 3);
     for (size_t i = 0; i < count; ++i)
         for (size_t c = 0; c < 3; ++c) codes[3 * i + c] = ex_srgb_code(rgba[4 * i + c]);
-    const int encoded = stbi_write_png_to_func(ex_png_bytes, &output, width, height, 3, codes, 3 * width);
+    const int encoded = stbi_write_png_to_func(ex_encoded_bytes, &output, width, height, 3, codes, 3 * width);
     free(codes);
+    if (!encoded) errno = ENOMEM; /* the encoder fails in no other way */
+    ex_output_note(&output, !encoded);
+    return ex_output_end(&output, error);
+}
+
+/* Writes RGB of an RGBA image as a Radiance picture (RGBE): each pixel in steps of at most 1/128 of its largest color.
+   NaN becomes black; the format ends at 1.7e38. */
+static inline int ex_write_hdr(const char *path, const float *rgba, int width, int height, ex_error *error) {
+    const size_t count = 3 * (size_t)width * (size_t)height;
+    ex_output output;
+    if (ex_output_begin(&output, path, error)) return 1;
+    float *colors = (float *)ex_allocate(count, sizeof *colors);
+    for (size_t i = 0; i < count; ++i) {
+        const float color = rgba[i / 3 * 4 + i % 3];
+        colors[i] = !(color > 0.0f) ? 0.0f : color > 1.7e38f ? 1.7e38f : color;
+    }
+    const int encoded = stbi_write_hdr_to_func(ex_encoded_bytes, &output, width, height, 3, colors);
+    free(colors);
     if (!encoded) errno = ENOMEM; /* the encoder fails in no other way */
     ex_output_note(&output, !encoded);
     return ex_output_end(&output, error);

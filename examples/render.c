@@ -1,7 +1,8 @@
 /* render: the library from the command line. Volumes (raw, NRRD, MetaImage, NIfTI-1, NPY), particles and OBJ meshes in;
-   PNG, PFM and statistics out.
+   PNG, PFM, OpenEXR, Radiance HDR and statistics out.
    Exit status: 0 done; 1 the render failed; 2 an option or a file was wrong. The last two with one line on stderr. */
 
+#include "exr.h"
 #include "picture.h"
 #include "render_options.h"
 #include "session.h"
@@ -412,11 +413,28 @@ static int finish_standard_output(ex_error *error) {
 
 /* ============================================================================================ the program */
 
-static int write_files(const arguments *all, const ex_session *session, const float *rgba, int width, int height,
+static int write_exr(const arguments *all, const sps_view *view, const sps_image *image, ex_error *error) {
+    ex_exr picture;
+    memset(&picture, 0, sizeof picture);
+    picture.rgba = image->rgba, picture.depth = image->depth;
+    picture.width = view->width, picture.height = view->height;
+    memcpy(picture.region, view->region, sizeof picture.region);
+    picture.screen_width = 2 * tan(0.5 * view->camera.field_of_view) * view->width / view->height;
+    picture.is_float = strcmp(exr_type_names[all->exr_type], "float") == 0;
+    picture.zip = strcmp(exr_compression_names[all->exr_compression], "zip") == 0;
+    return ex_write_exr(all->exr, &picture, error);
+}
+
+static int write_files(const arguments *all, const ex_session *session, const sps_view *view, const sps_image *image,
                        ex_error *error) {
+    const float *rgba = image->rgba;
+    const int width = view->region[2] ? view->region[2] : view->width;
+    const int height = view->region[2] ? view->region[3] : view->height;
     if (all->out && ex_write_png(all->out, rgba, width, height, error)) return 1;
     if (all->pfm && ex_write_pfm(all->pfm, rgba, width, height, 0, 3, error)) return 1;
     if (all->alpha_pfm && ex_write_pfm(all->alpha_pfm, rgba, width, height, 3, 1, error)) return 1;
+    if (all->exr && write_exr(all, view, image, error)) return 1;
+    if (all->radiance_hdr && ex_write_hdr(all->radiance_hdr, rgba, width, height, error)) return 1;
     return all->stats ? write_stats(all->stats, session->context, error) : 0;
 }
 
@@ -425,20 +443,21 @@ static int render(const arguments *all, ex_session *session, const sps_scene *sc
                   ex_error *error) {
     sps_image image;
     sps_reference_settings reference;
-    const int width = view->region[2] ? view->region[2] : view->width;
-    const int height = view->region[2] ? view->region[3] : view->height;
+    const size_t width = (size_t)(view->region[2] ? view->region[2] : view->width);
+    const size_t height = (size_t)(view->region[2] ? view->region[3] : view->height);
     memset(&image, 0, sizeof image);
     memset(&reference, 0, sizeof reference);
     reference.step = all->slab > 0 ? all->slab : 0.5;
     reference.samples = all->samples;
-    image.rgba = (float *)ex_allocate((size_t)width * (size_t)height, 4 * sizeof *image.rgba);
+    image.rgba = (float *)ex_allocate(width * height, 4 * sizeof *image.rgba);
+    if (all->exr) image.depth = (float *)ex_allocate(width * height, sizeof *image.depth);
     const sps_result result = is_marched(all) ? sps_reference(session->context, scene, view, &reference, &image)
                                               : sps_render(session->context, scene, view, &image);
     ex_progress_end(&session->progress);
     int status = EX_OK;
     if (result != SPS_OK)
         status = explain(all, session, result, error);
-    else if (write_files(all, session, image.rgba, width, height, error))
+    else if (write_files(all, session, view, &image, error))
         status = EX_MISTAKEN;
     if (result == SPS_OK && (all->budget_seconds > 0 || all->budget_error > 0) && !is_marched(all)) {
         sps_stats_report stats;
@@ -450,6 +469,7 @@ static int render(const arguments *all, ex_session *session, const sps_scene *sc
         fprintf(stderr, "render: %s without --samples: light scatters once (--scattering single)\n",
                 all->reference ? "--reference" : "--shadow samples");
     free(image.rgba);
+    free(image.depth);
     return status;
 }
 

@@ -110,7 +110,8 @@ typedef struct arguments {
     int shadow, map_size, table_size;
     double map_epsilon, scattering_tolerance, tolerance, budget_seconds, budget_error;
     sps_tmap_settings map; /* of all lights that cast shadows by maps; options set its fields */
-    const char *out, *pfm, *alpha_pfm, *stats;
+    int exr_type, exr_compression;
+    const char *out, *pfm, *alpha_pfm, *exr, *radiance_hdr, *stats;
 } arguments;
 
 typedef enum option_owner { SCENE = 0, VOLUME, PARTICLES, MESH, LIGHT } option_owner; /* whose field an option sets */
@@ -135,6 +136,8 @@ static const char *const scattering_names[] = {"auto", "single", "ambient", "for
 static const char *const shadow_names[] = {"sheets",  "deep",   "compressed", "opacity", "deep-opacity",
                                            "fourier", "moment", "beer",       "table",   "auto",
                                            "samples", "none",   NULL};
+static const char *const exr_type_names[] = {"half", "float", NULL};
+static const char *const exr_compression_names[] = {"zip", "none", NULL};
 static const char *const falloff_names[] = {"inverse-square", "none", NULL}; /* in the order of sps_falloff */
 
 /* ================================================================================================ handlers */
@@ -475,6 +478,10 @@ static const option_rule options[] = {
     {"--out", "FILE.png", "sRGB picture", set_text, OF_SCENE(out), NO_NUMBERS},
     {"--pfm", "FILE.pfm", "linear radiance, three channels", set_text, OF_SCENE(pfm), NO_NUMBERS},
     {"--alpha-pfm", "FILE.pfm", "coverage, one channel", set_text, OF_SCENE(alpha_pfm), NO_NUMBERS},
+    {"--exr", "FILE.exr", "OpenEXR: linear radiance, coverage as A, distance from the eye as Z", set_text, OF_SCENE(exr), NO_NUMBERS},
+    {"--exr-type", "half|float", "of its R, G, B and A; Z is float; default half, where 65504 is the largest", set_choice, OF_SCENE(exr_type), 1, 0, 0, exr_type_names},
+    {"--exr-compression", "zip|none", "default zip", set_choice, OF_SCENE(exr_compression), 1, 0, 0, exr_compression_names},
+    {"--radiance-hdr", "FILE.hdr", "Radiance picture (RGBE): linear radiance", set_text, OF_SCENE(radiance_hdr), NO_NUMBERS},
     {"--stats", "FILE.json", "what the render did, and how long it took", set_text, OF_SCENE(stats), NO_NUMBERS},
     {"--plan", NULL, "says what would run, and why, and renders nothing; not with --reference", set_flag, OF_SCENE(plan), NO_NUMBERS},
     {"--help", NULL, "this text", set_flag, OF_SCENE(help), NO_NUMBERS},
@@ -760,12 +767,18 @@ static const char *find_input(const arguments *all, const char *path) {
 
 /* Checks files before the render, which may be long, and keeps inputs from being overwritten by mistake. */
 static int check_outputs(const arguments *all, ex_error *error) {
-    const char *const names[4] = {"--out", "--pfm", "--alpha-pfm", "--stats"};
-    const char *const files[4] = {all->out, all->pfm, all->alpha_pfm, all->stats};
+    enum { OUTPUTS = 6 };
+    const char *const names[OUTPUTS] = {"--out", "--pfm", "--alpha-pfm", "--exr", "--radiance-hdr", "--stats"};
+    const char *const files[OUTPUTS] = {all->out, all->pfm, all->alpha_pfm, all->exr, all->radiance_hdr, all->stats};
+    int count = 0;
+    for (int i = 0; i < OUTPUTS; ++i) count += files[i] != NULL;
+    for (int i = 0; i < 2; ++i)
+        if (has(all->given, i ? "--exr-compression" : "--exr-type") && !all->exr)
+            return ex_fail(error, "%s says nothing without --exr", i ? "--exr-compression" : "--exr-type");
     if (all->plan) return 0;
-    if (!all->out && !all->pfm && !all->alpha_pfm && !all->stats)
-        return ex_fail(error, "nothing to write: give --out, --pfm, --alpha-pfm, --stats or --plan; --help says more");
-    for (int i = 0; i < 4; ++i) {
+    if (count == 0)
+        return ex_fail(error, "nothing to write: give --out or another result, or --plan; --help says more");
+    for (int i = 0; i < OUTPUTS; ++i) {
         if (!files[i]) continue;
         const char *input = find_input(all, files[i]);
         if (input) return ex_fail(error, "%s %s is a file that %s reads", names[i], files[i], input);

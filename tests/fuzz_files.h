@@ -16,6 +16,10 @@ static int ex_write_png(const char *path, const float *pixels, int width, int he
     (void)path, (void)pixels, (void)width, (void)height, (void)error;
     return 0;
 }
+static int ex_write_hdr(const char *path, const float *pixels, int width, int height, ex_error *error) {
+    (void)path, (void)pixels, (void)width, (void)height, (void)error;
+    return 0;
+}
 static int ex_write_pfm(const char *path, const float *pixels, int width, int height, int first_channel, int channels,
                         ex_error *error) {
     (void)path, (void)pixels, (void)width, (void)height, (void)first_channel, (void)channels, (void)error;

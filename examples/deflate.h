@@ -69,7 +69,8 @@ static inline uint32_t ex_deflate_hash(const unsigned char *at) {
 
 /* Finds the longest of the latest matches. Returns its length; 0 if there is none of 3 bytes or more. */
 static inline uint32_t ex_deflate_find(const ex_deflater *d, size_t at, uint32_t *distance) {
-    const size_t most = d->count - at < EX_DEFLATE_LONGEST ? d->count - at : EX_DEFLATE_LONGEST;
+    const size_t room = d->count - at, longest_match = EX_DEFLATE_LONGEST;
+    const size_t most = room < longest_match ? room : longest_match;
     uint32_t longest = 0, place = most < 3 ? 0 : d->newest[ex_deflate_hash(d->data + at)];
     for (int tries = 0; tries < EX_DEFLATE_TRIES && place > 0 && at - (place - 1) < EX_DEFLATE_WINDOW; ++tries) {
         const unsigned char *from = d->data + place - 1;

@@ -170,7 +170,7 @@ static inline int ex_write_exr(const char *path, const ex_exr *picture, ex_error
     const int whole[4] = {0, 0, picture->width, picture->height},
               *region = picture->region[2] ? picture->region : whole;
     const int lines = picture->zip ? 16 : 1, chunk_count = (region[3] + lines - 1) / lines;
-    const size_t row_size = (size_t)region[2] * ((picture->is_float ? 16 : 8) + (picture->depth ? 4 : 0));
+    const size_t row_size = (size_t)region[2] * (size_t)((picture->is_float ? 16 : 8) + (picture->depth ? 4 : 0));
     unsigned char header[EX_EXR_HEADER], place[8];
     ex_output output;
     if (ex_output_begin(&output, path, error)) return 1;

@@ -74,12 +74,10 @@ static inline uint32_t ex_deflate_find(const ex_deflater *d, size_t at, uint32_t
     uint32_t longest = 0, place = most < 3 ? 0 : d->newest[ex_deflate_hash(d->data + at)];
     for (int tries = 0; tries < EX_DEFLATE_TRIES && place > 0 && at - (place - 1) < EX_DEFLATE_WINDOW; ++tries) {
         const unsigned char *from = d->data + place - 1;
-        const uint32_t next = d->older[(place - 1) % EX_DEFLATE_WINDOW];
         uint32_t length = 0;
         while (length < most && from[length] == d->data[at + length]) ++length;
         if (length > 2 && length > longest) longest = length, *distance = (uint32_t)at - (place - 1);
-        if (next >= place) break; /* overwritten by a later position */
-        place = next;
+        place = d->older[(place - 1) % EX_DEFLATE_WINDOW];
     }
     return longest;
 }

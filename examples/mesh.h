@@ -214,6 +214,140 @@ static inline void ex_mesh_free(ex_mesh *mesh) {
     memset(mesh, 0, sizeof *mesh);
 }
 
+/* --------------------------------------------------------------------------------------------------------- polygons */
+
+enum { EX_FACE_CORNERS = 4096 }; /* time grows with the square of the number of corners */
+
+/* Which corners may be cut off, if none before in this list is left. */
+typedef enum ex_ear_rule {
+    EX_EARS = 0,    /* convex ones whose triangle touches no other corner, and where the outline turns back on itself */
+    EX_FLAT_EARS,   /* also those on a straight line, whose triangle has no area */
+    EX_TOUCHED_EARS /* also those whose triangle others touch from outside */
+} ex_ear_rule;
+
+/* A polygon that is cut into triangles, and what is left of it. Corners must be in one plane, or nearly so. */
+typedef struct ex_face {
+    int count;
+    ex_corner corners[EX_FACE_CORNERS];
+    double points[EX_FACE_CORNERS][2]; /* in a plane where the outline runs counterclockwise */
+    int next[EX_FACE_CORNERS], previous[EX_FACE_CORNERS];
+    char ears[EX_FACE_CORNERS]; /* what ex_face_ear says of each corner */
+    int rule;                   /* ex_ear_rule */
+} ex_face;
+
+/* Twice the area of a triangle; negative if it runs clockwise. */
+static inline double ex_face_area(const ex_face *face, int a, int b, int c) {
+    const double *p = face->points[a], *q = face->points[b], *r = face->points[c];
+    return (q[0] - p[0]) * (r[1] - p[1]) - (r[0] - p[0]) * (q[1] - p[1]);
+}
+
+static inline int ex_face_same(const ex_face *face, int a, int b) {
+    return face->points[a][0] == face->points[b][0] && face->points[a][1] == face->points[b][1];
+}
+
+/* Projects along the axis that is nearest to Newell's normal. Leaving out a coordinate rounds nothing. */
+static inline void ex_face_project(ex_face *face, const ex_builder *builder) {
+    double normal[3] = {0, 0, 0};
+    int axis = 0;
+    for (int i = 0; i < face->count; ++i) {
+        const float *p = builder->positions + 3 * face->corners[i].position;
+        const float *q = builder->positions + 3 * face->corners[(i + 1) % face->count].position;
+        for (int a = 0; a < 3; ++a) {
+            const int b = (a + 1) % 3, c = (a + 2) % 3;
+            normal[a] += ((double)p[b] - (double)q[b]) * ((double)p[c] + (double)q[c]);
+        }
+    }
+    for (int a = 1; a < 3; ++a)
+        if (fabs(normal[a]) > fabs(normal[axis])) axis = a;
+    for (int i = 0; i < face->count; ++i) {
+        const float *p = builder->positions + 3 * face->corners[i].position;
+        face->points[i][0] = (double)p[(axis + (normal[axis] < 0 ? 2 : 1)) % 3];
+        face->points[i][1] = (double)p[(axis + (normal[axis] < 0 ? 1 : 2)) % 3];
+    }
+}
+
+/* Whether the outline, which passes the place of a corner again at i, goes on between the corner's edges. */
+static inline int ex_face_splits(const ex_face *face, int corner, int i) {
+    const int a = face->previous[corner], c = face->next[corner], ways[2] = {face->previous[i], face->next[i]};
+    for (int k = 0; k < 2; ++k)
+        if (ex_face_area(face, a, corner, ways[k]) > 0 && ex_face_area(face, corner, c, ways[k]) > 0) return 1;
+    return 0;
+}
+
+/* Whether the triangle of a corner and its neighbours may be cut off: 2 where the outline turns back on itself or
+   stands still, which must go first; otherwise 1 or 0. */
+static inline char ex_face_ear(const ex_face *face, int b) {
+    const int a = face->previous[b], c = face->next[b];
+    const double *p = face->points[a], *q = face->points[b], *r = face->points[c], area = ex_face_area(face, a, b, c);
+    if (area == 0 && (q[0] - p[0]) * (r[0] - q[0]) + (q[1] - p[1]) * (r[1] - q[1]) <= 0) return 2;
+    if (!(area > 0)) return area == 0 && face->rule >= EX_FLAT_EARS;
+    for (int i = face->next[c]; i != a; i = face->next[i]) {
+        const double sides[3] = {ex_face_area(face, a, b, i), ex_face_area(face, b, c, i), ex_face_area(face, c, a, i)};
+        const double least = fmin(sides[0], fmin(sides[1], sides[2]));
+        if (least < 0 || (least == 0 && face->rule == EX_TOUCHED_EARS)) continue;
+        if (ex_face_same(face, i, b) ? ex_face_splits(face, b, i)
+                                     : !ex_face_same(face, i, a) && !ex_face_same(face, i, c))
+            return 0;
+    }
+    return 1;
+}
+
+/* Finds what is to be cut off, from a corner on; -1: nothing. */
+static inline int ex_face_find(const ex_face *face, int corner) {
+    int found = -1, at = corner;
+    do {
+        if (face->ears[at] == 2) return at;
+        if (face->ears[at] && found < 0) found = at;
+        at = face->next[at];
+    } while (at != corner);
+    return found;
+}
+
+static inline void ex_face_mark(ex_face *face, int corner) {
+    int at = corner;
+    do {
+        face->ears[at] = ex_face_ear(face, at);
+        at = face->next[at];
+    } while (at != corner);
+}
+
+/* Adds the triangle of a corner and its neighbours, and takes the corner out. Returns the next one. */
+static inline int ex_face_cut(ex_face *face, int corner, ex_builder *builder) {
+    const int a = face->previous[corner], c = face->next[corner];
+    ex_add_corner(builder, face->corners[a]);
+    ex_add_corner(builder, face->corners[corner]);
+    ex_add_corner(builder, face->corners[c]);
+    face->next[a] = c, face->previous[c] = a;
+    return c;
+}
+
+/* Adds a polygon of n corners as n - 2 triangles, by cutting off ears. A convex one becomes a fan around its first
+   corner. What is left of one that intersects itself becomes a fan, too. Cutting a corner off changes what its
+   neighbours are; and others, where corners touch, so that all are looked at again if nothing is left to cut off. That
+   happens only a few times: time stays within a square. */
+static inline void ex_face_add(ex_face *face, ex_builder *builder) {
+    enum { MARKED_AGAIN = 16 };
+    int at = 1, left = face->count, marked = 0;
+    for (int i = 0; i < left; ++i) face->next[i] = (i + 1) % left, face->previous[i] = (i + left - 1) % left;
+    face->rule = EX_EARS;
+    ex_face_project(face, builder);
+    ex_face_mark(face, at);
+    while (left > 3) {
+        const int ear = ex_face_find(face, at);
+        if (ear >= 0) {
+            at = ex_face_cut(face, ear, builder), --left;
+            face->ears[at] = ex_face_ear(face, at);
+            face->ears[face->previous[at]] = ex_face_ear(face, face->previous[at]);
+        } else if (marked++ < MARKED_AGAIN) {
+            ex_face_mark(face, at);
+            if (ex_face_find(face, at) < 0 && face->rule++ == EX_TOUCHED_EARS) break;
+        } else {
+            break;
+        }
+    }
+    for (; left >= 3; --left) at = ex_face_cut(face, at, builder);
+}
+
 /* -------------------------------------------------------------------------------------------------- Wavefront OBJ */
 
 /* Reads three numbers after "v", "vn" or "vt", where those from `least` on may be left out and are 0 then, and ignores
@@ -262,22 +396,17 @@ static inline int ex_obj_corner(char **text, const ex_builder *builder, ex_corne
     return **text != '\0' && **text != ' ' && **text != '\t' && **text != '\r';
 }
 
-/* Reads a face of three corners or more and splits it into a fan around its first corner. */
-static inline int ex_obj_face(char *text, ex_builder *builder) {
-    ex_corner first = {0, 0, 0}, previous = {0, 0, 0}, corner = {0, 0, 0};
-    int corner_count = 0;
+/* Reads a face of three corners or more, and adds it. Returns what is wrong, or NULL. */
+static inline const char *ex_obj_face(char *text, ex_builder *builder, ex_face *face) {
+    face->count = 0;
     for (text = ex_skip_blanks(text); *text && *text != '#'; text = ex_skip_blanks(text)) {
-        if (ex_obj_corner(&text, builder, &corner)) return 1;
-        if (corner_count == 0) first = corner;
-        if (corner_count >= 2) {
-            ex_add_corner(builder, first);
-            ex_add_corner(builder, previous);
-            ex_add_corner(builder, corner);
-        }
-        previous = corner;
-        ++corner_count;
+        if (face->count == EX_FACE_CORNERS) return "a face of more than 4096 corners";
+        if (ex_obj_corner(&text, builder, &face->corners[face->count++]))
+            return "not a face, or an index that is not there";
     }
-    return corner_count < 3;
+    if (face->count < 3) return "not a face, or an index that is not there";
+    ex_face_add(face, builder);
+    return NULL;
 }
 
 /* Whether a line begins with this word. */
@@ -288,7 +417,7 @@ static inline int ex_obj_begins(const char *line, const char *word) {
 
 /* Reads positions, normals, texture coordinates and faces, and skips everything else. Returns what is wrong, or NULL.
  */
-static inline const char *ex_obj_line(char *line, ex_builder *builder) {
+static inline const char *ex_obj_line(char *line, ex_builder *builder, ex_face *face) {
     double numbers[3];
     const char *wrong = NULL;
     line = ex_skip_blanks(line);
@@ -302,7 +431,7 @@ static inline const char *ex_obj_line(char *line, ex_builder *builder) {
         wrong = ex_obj_numbers(line + 2, 1, numbers);
         if (!wrong) ex_add_uv(builder, numbers[0], numbers[1]);
     } else if (ex_obj_begins(line, "f")) {
-        if (ex_obj_face(line + 1, builder)) wrong = "not a face, or an index that is not there";
+        wrong = ex_obj_face(line + 1, builder, face);
     }
     return wrong;
 }
@@ -318,9 +447,10 @@ static inline int ex_mesh_load(ex_mesh *mesh, const char *path, double crease_de
     memset(&builder, 0, sizeof builder);
     if (ex_read_text(path, &text, &length, error)) return 1;
     char *rest = text;
+    ex_face *face = (ex_face *)ex_allocate(1, sizeof *face);
     while (!wrong && (line = ex_next_line(&rest, text + length)) != NULL) {
         ++line_number;
-        wrong = ex_obj_line(line, &builder);
+        wrong = ex_obj_line(line, &builder, face);
     }
     if (wrong)
         failed = ex_fail(error, "%s:%d: %s: '%s'", path, line_number, wrong, ex_quoted(line).text);
@@ -330,6 +460,7 @@ static inline int ex_mesh_load(ex_mesh *mesh, const char *path, double crease_de
         ex_builder_free(&builder);
     else
         ex_mesh_build(mesh, &builder, crease_degrees);
+    free(face);
     free(text);
     return failed;
 }

@@ -527,11 +527,12 @@ static void test_swirl(void) {
 
 /* Reads lines into a builder. Returns what is wrong with the first that is wrong, or NULL. */
 static const char *obj_lines(ex_builder *builder, const char *const *lines, int count) {
+    static ex_face face;
     for (int i = 0; i < count; ++i) {
         char line[64];
         const char *wrong;
         snprintf(line, sizeof line, "%s", lines[i]);
-        wrong = ex_obj_line(line, builder);
+        wrong = ex_obj_line(line, builder, &face);
         if (wrong) return wrong;
     }
     return NULL;

@@ -218,13 +218,6 @@ static inline void ex_mesh_free(ex_mesh *mesh) {
 
 enum { EX_FACE_CORNERS = 4096 }; /* time grows with the square of the number of corners */
 
-/* Which corners may be cut off, if none before in this list is left. */
-typedef enum ex_ear_rule {
-    EX_EARS = 0,    /* convex ones whose triangle touches no other corner, and where the outline turns back on itself */
-    EX_FLAT_EARS,   /* also those on a straight line, whose triangle has no area */
-    EX_TOUCHED_EARS /* also those whose triangle others touch from outside */
-} ex_ear_rule;
-
 /* A polygon that is cut into triangles, and what is left of it. Corners must be in one plane, or nearly so. */
 typedef struct ex_face {
     int count;
@@ -232,7 +225,7 @@ typedef struct ex_face {
     double points[EX_FACE_CORNERS][2]; /* in a plane where the outline runs counterclockwise */
     int next[EX_FACE_CORNERS], previous[EX_FACE_CORNERS];
     char ears[EX_FACE_CORNERS]; /* what ex_face_ear says of each corner */
-    int rule;                   /* ex_ear_rule */
+    int may_touch;              /* 1: triangles that other corners touch from outside are ears, too */
 } ex_face;
 
 /* Twice the area of a triangle; negative if it runs clockwise. */
@@ -266,28 +259,18 @@ static inline void ex_face_project(ex_face *face, const ex_builder *builder) {
     }
 }
 
-/* Whether the outline, which passes the place of a corner again at i, goes on between the corner's edges. */
-static inline int ex_face_splits(const ex_face *face, int corner, int i) {
-    const int a = face->previous[corner], c = face->next[corner], ways[2] = {face->previous[i], face->next[i]};
-    for (int k = 0; k < 2; ++k)
-        if (ex_face_area(face, a, corner, ways[k]) > 0 && ex_face_area(face, corner, c, ways[k]) > 0) return 1;
-    return 0;
-}
-
 /* Whether the triangle of a corner and its neighbours may be cut off: 2 where the outline turns back on itself or
    stands still, which must go first; otherwise 1 or 0. */
 static inline char ex_face_ear(const ex_face *face, int b) {
     const int a = face->previous[b], c = face->next[b];
     const double *p = face->points[a], *q = face->points[b], *r = face->points[c], area = ex_face_area(face, a, b, c);
     if (area == 0 && (q[0] - p[0]) * (r[0] - q[0]) + (q[1] - p[1]) * (r[1] - q[1]) <= 0) return 2;
-    if (!(area > 0)) return area == 0 && face->rule >= EX_FLAT_EARS;
+    if (!(area > 0)) return 0;
     for (int i = face->next[c]; i != a; i = face->next[i]) {
         const double sides[3] = {ex_face_area(face, a, b, i), ex_face_area(face, b, c, i), ex_face_area(face, c, a, i)};
         const double least = fmin(sides[0], fmin(sides[1], sides[2]));
-        if (least < 0 || (least == 0 && face->rule == EX_TOUCHED_EARS)) continue;
-        if (ex_face_same(face, i, b) ? ex_face_splits(face, b, i)
-                                     : !ex_face_same(face, i, a) && !ex_face_same(face, i, c))
-            return 0;
+        if (least < 0 || (least == 0 && face->may_touch)) continue;
+        if (!ex_face_same(face, i, a) && !ex_face_same(face, i, c)) return 0;
     }
     return 1;
 }
@@ -329,7 +312,7 @@ static inline void ex_face_add(ex_face *face, ex_builder *builder) {
     enum { MARKED_AGAIN = 16 };
     int at = 1, left = face->count, marked = 0;
     for (int i = 0; i < left; ++i) face->next[i] = (i + 1) % left, face->previous[i] = (i + left - 1) % left;
-    face->rule = EX_EARS;
+    face->may_touch = 0;
     ex_face_project(face, builder);
     ex_face_mark(face, at);
     while (left > 3) {
@@ -340,7 +323,7 @@ static inline void ex_face_add(ex_face *face, ex_builder *builder) {
             face->ears[face->previous[at]] = ex_face_ear(face, face->previous[at]);
         } else if (marked++ < MARKED_AGAIN) {
             ex_face_mark(face, at);
-            if (ex_face_find(face, at) < 0 && face->rule++ == EX_TOUCHED_EARS) break;
+            if (ex_face_find(face, at) < 0 && face->may_touch++) break;
         } else {
             break;
         }

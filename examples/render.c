@@ -2,6 +2,7 @@
    PNG, PFM, OpenEXR, Radiance HDR and statistics out.
    Exit status: 0 done; 1 the render failed; 2 an option or a file was wrong. The last two with one line on stderr. */
 
+#include "blackbody.h"
 #include "exr.h"
 #include "picture.h"
 #include "render_options.h"
@@ -28,6 +29,17 @@ static void make_linear_transfer(volume_arguments *volume) {
     to_floats(volume->albedo, points[1].albedo);
     points[1].value = range[1] > 0.0f ? range[1] : 1.0f;
     points[1].extinction = (float)fmin(volume->extinction * (double)points[1].value, LARGEST);
+}
+
+/* Covers the values in the file, up to four times the temperature that stands for 1. */
+static void make_temperature_transfer(volume_arguments *volume) {
+    float range[2];
+    const int zero[3] = {0, 0, 0};
+    ex_grid_range(&volume->grid, zero, volume->grid.size, range);
+    const double most = range[1] > 0.0f ? fmin((double)range[1], 4) : 1;
+    volume->points.points = (sps_transfer_point *)ex_allocate(EX_TEMPERATURE_POINTS, sizeof(sps_transfer_point));
+    volume->points.point_count = EX_TEMPERATURE_POINTS;
+    ex_temperature_points(volume->temperature[0], volume->temperature[1], most, volume->points.points);
 }
 
 /* Points that no value can reach are a mistake: they are probably in units of the scanner, for example 0..255. */
@@ -58,6 +70,8 @@ static int load_volume(volume_arguments *from, sps_volume *volume, ex_error *err
     if (from->transfer_file && ex_transfer_load(&from->points, from->transfer_file, error)) return 1;
     if (from->points.point_count > 0) {
         if (check_transfer(from, error)) return 1;
+    } else if (has(from->given, "--temperature")) {
+        make_temperature_transfer(from);
     } else if (from->shading) {
         make_linear_transfer(from);
     } else {

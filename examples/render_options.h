@@ -32,6 +32,7 @@ typedef struct volume_arguments {
     const char *file, *transfer_file;
     int size[3], type, shading, classify;
     double range[2], box[6], extinction, albedo[3], emission[3], ambient[3];
+    double temperature[2]; /* in kelvin at value 1, and luminance per world unit there */
     phase_lobes lobes;
     ex_voxel_file voxels; /* from the file's header, overridden by options */
     sps_placement placement;
@@ -273,6 +274,12 @@ static int add_point(const option_rule *rule, arguments *all, void *place, const
     return 0;
 }
 
+static int set_temperature(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    const double *temperature = (const double *)place;
+    if (set_reals(rule, all, place, value, error)) return 1;
+    return within(temperature, 1, 1, 1e6) ? 0 : outside(rule, value, "KELVIN", 1, 1e6, error);
+}
+
 static void default_volume(volume_arguments *volume) {
     volume->extinction = 1;
     for (int i = 0; i < 3; ++i) volume->albedo[i] = 0.8, volume->box[3 + i] = 1;
@@ -426,6 +433,7 @@ static const option_rule options[] = {
     {"--transfer", "FILE", "lines: value r g b extinction [r g b], values rising; the last three: emission, radiance per world unit", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
     {"--transfer-point", "value,r,g,b,extinction[,r,g,b]", "instead of --transfer, one such line; repeatable", add_point, OF_VOLUME(points), NO_NUMBERS},
     {"--classify", "voxels|samples", "voxels: --transfer applies to voxels, before interpolation, as labels need; default samples", set_choice, OF_VOLUME(classify), 1, 0, 0, classify_names},
+    {"--temperature", "KELVIN,INTENSITY", "values times KELVIN are temperatures: glows as a black body, of luminance INTENSITY per world unit at KELVIN, falling with T^4", set_temperature, OF_VOLUME(temperature), 2, POSITIVE},
     {"--shading", "gas|surface", "surface: lit by the gradient, where that is strong; default gas", set_choice, OF_VOLUME(shading), 1, 0, 0, shading_names},
     {"--particles", "FILE", "little-endian 32-bit floats, x y z radius opticaldepth of each; repeatable", add_particles, SCENE, 0, NO_NUMBERS},
     {"--particle-albedo", "r,g,b", "default 0.8,0.8,0.8", set_reals, OF_PARTICLES(albedo), 3, 0, 1, NULL},
@@ -692,6 +700,23 @@ static int check_appearance(const volume_arguments *volume, ex_error *error) {
     return 0;
 }
 
+/* A volume of temperatures does nothing but glow. */
+static int check_temperature(const volume_arguments *volume, ex_error *error) {
+    static const char *const others[] = {"--transfer", "--transfer-point", "--extinction", "--albedo",
+                                         "--emission", "--gas-ambient",    "--phase"};
+    if (!has(volume->given, "--temperature")) return 0;
+    for (size_t i = 0; i < sizeof others / sizeof *others; ++i)
+        if (has(volume->given, others[i]))
+            return ex_fail(
+                error,
+                "%s and --temperature of %s exclude each other: temperatures only glow; smoke is another --volume",
+                others[i], volume->file);
+    if (volume->shading)
+        return ex_fail(error, "--shading surface and --temperature of %s exclude each other: only a gas glows",
+                       volume->file);
+    return 0;
+}
+
 /* Finds out where the voxels are and what they mean, from the file's header, if it has one, and from options. */
 static int find_voxels(volume_arguments *volume, ex_error *error) {
     const int has_header = ex_volume_format_of(volume->file) != NULL;
@@ -729,7 +754,7 @@ static int check_volumes(const arguments *all, ex_error *error) {
         for (int a = 0; a < 3; ++a)
             if (volume->box[a] == volume->box[3 + a])
                 return ex_fail(error, "--box of %s: no extent along %c", volume->file, 'x' + a);
-        if (check_appearance(volume, error)) return 1;
+        if (check_temperature(volume, error) || check_appearance(volume, error)) return 1;
     }
     return 0;
 }

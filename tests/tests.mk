@@ -197,7 +197,7 @@ INSTALL_CHECKS_THERE := $(foreach c,$(INSTALL_CHECKS),$(shell command -v $(c) >/
 $(foreach c,$(filter-out $(INSTALL_CHECKS_THERE),$(INSTALL_CHECKS)),$(call skipped,the quick start by $(c): install it))
 
 # Tests that run the command line, which is linked with the native configuration's header
-$(if $(STB_THERE),$(if $(filter native,$(READY)),$(foreach c,$(READY),$(eval build/tests/$(c).test_command_line.log build/tests/$(c).test_files.log build/tests/$(c).test_exr.log: build/tests/render))))
+$(if $(STB_THERE),$(if $(filter native,$(READY)),$(foreach c,$(READY),$(eval build/tests/$(c).test_command_line.log build/tests/$(c).test_files.log build/tests/$(c).test_exr.log build/tests/$(c).test_blackbody.log: build/tests/render))))
 
 # The program in plain C that test_simd compares itself with, linked once for several configurations
 SIMD_PLAIN_THERE = $(if $(SPLATSHADOW_LONG),,$(if $(filter sanitized,$(READY)),build/tests/simd_plain))

@@ -35,7 +35,7 @@ static inline void ex_blackbody_xyz(double kelvin, double out[3]) {
     }
 }
 
-/* Linear Rec. 709 of luminance 1. What this color space cannot show, negative components below 1900 K, becomes 0. From
+/* Linear Rec. 709 of luminance 1. What this color space cannot show, negative components below 1910 K, becomes 0. From
    500 K down, where nothing is seen of what glows, the color stays that of 500 K. */
 static inline void ex_blackbody_color(double kelvin, double out[3]) {
     static const double rows[3][3] = {

@@ -78,7 +78,7 @@ static void test_chromaticities(void) {
 
 /* The colors of Rec. 709's primaries for a chromaticity, by Cramer's rule: columns are the primaries' X, Y, Z, scaled
    so that their sum is white. */
-static void solve(const double columns[3][3], const double right[3], double out[3]) {
+static void solve(double columns[3][3], const double right[3], double out[3]) {
     const double whole = vec_determinant(columns[0], columns[1], columns[2]);
     out[0] = vec_determinant(right, columns[1], columns[2]) / whole;
     out[1] = vec_determinant(columns[0], right, columns[2]) / whole;

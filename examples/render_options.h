@@ -433,7 +433,7 @@ static const option_rule options[] = {
     {"--transfer", "FILE", "lines: value r g b extinction [r g b]; values rise; the last three: emission", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
     {"--transfer-point", "value,r,g,b,extinction[,r,g,b]", "instead of --transfer, one such line; repeatable", add_point, OF_VOLUME(points), NO_NUMBERS},
     {"--classify", "voxels|samples", "voxels: --transfer applies before interpolation, as labels need; default samples", set_choice, OF_VOLUME(classify), 1, 0, 0, classify_names},
-    {"--temperature", "KELVIN,INTENSITY", "values times KELVIN are temperatures: glows as a black body, of luminance INTENSITY per world unit at KELVIN, falling with T^4", set_temperature, OF_VOLUME(temperature), 2, POSITIVE},
+    {"--temperature", "KELVIN,INTENSITY", "a black body of values times KELVIN; INTENSITY: luminance per world unit at KELVIN", set_temperature, OF_VOLUME(temperature), 2, POSITIVE},
     {"--shading", "gas|surface", "surface: lit by the gradient, where that is strong; default gas", set_choice, OF_VOLUME(shading), 1, 0, 0, shading_names},
     {"--particles", "FILE", "little-endian 32-bit floats, x y z radius opticaldepth of each; repeatable", add_particles, SCENE, 0, NO_NUMBERS},
     {"--particle-albedo", "r,g,b", "default 0.8,0.8,0.8", set_reals, OF_PARTICLES(albedo), 3, 0, 1, NULL},

@@ -1,5 +1,5 @@
-/* price_scenes.h: the twelve scenes of prices.c, each with its truth: six that have a closed form or an independent
-   estimate, and six like assets. Include after bench_scenes.h. */
+/* price_scenes.h: the fourteen scenes of prices.c, each with its truth: six that have a closed form or an independent
+   estimate, six like assets, and two of transfer functions: fire and labels. Include after bench_scenes.h. */
 
 #ifndef PRICE_SCENES_H
 #define PRICE_SCENES_H
@@ -21,6 +21,7 @@ typedef struct priced {
         sps_particles particles;
         sps_particle *list;
         ex_mesh land;
+        sps_transfer transfer;
     } kept;
 } priced;
 
@@ -357,6 +358,71 @@ static int build_lamp(priced *p, ex_session *session) {
     return 0;
 }
 
+/* Temperatures of a flame: hot at the foot, flickering above. */
+static int flame_temperature(void *user, size_t count, const double *positions, float *out) {
+    (void)user;
+    for (size_t i = 0; i < count; ++i, positions += 3) {
+        const double x = positions[0] - blob_centre[0], z = positions[2] - blob_centre[2], up = fmax(positions[1], 0);
+        const double wide = 0.25 * exp(-1.5 * up), square = (x * x + z * z) / (wide * wide);
+        const ex_vec at = ex_vec_of(5 * positions[0], 3 * positions[1], 5 * positions[2]);
+        out[i] = (float)fmax(exp(-square - 0.8 * up) * (1 + 0.6 * ex_fractal(at, 3)), 0);
+    }
+    return 0;
+}
+
+/* Glows with the fourth power of the temperature, redder where it is cooler, in thin smoke. */
+static int flame_look(void *user, size_t count, const float *values, sps_transfer_point *out) {
+    (void)user;
+    for (size_t i = 0; i < count; ++i) {
+        const float power = values[i] * values[i] * values[i] * values[i];
+        for (int c = 0; c < 3; ++c) {
+            out[i].albedo[c] = 0.7f;
+            out[i].emission[c] = power * powf(values[i], (float)c) * (30.0f - 10.0f * (float)c);
+        }
+        out[i].extinction = 2 * values[i];
+    }
+    return 0;
+}
+
+/* A flame in its own smoke over a plane, which it lights. */
+static int build_fire(priced *p, ex_session *session) {
+    blob_frame(&p->frame, 64, PRICE_SIZE);
+    p->frame.scene.light_count = 0;
+    p->frame.volume.eval_fn = flame_temperature;
+    p->kept.transfer.eval_fn = flame_look, p->kept.transfer.value_max = 1.6f;
+    p->frame.volume.transfer = &p->kept.transfer;
+    p->frame.view.scattering = SPS_SCATTERING_MULTIPLE;
+    marched_truth(p, session, 9, 1, 1200);
+    return 0;
+}
+
+/* Three labels in layers; the middle one is not shown. */
+static int read_layers(void *user, const int lo[3], const int size[3], float *out) {
+    (void)user;
+    for (int z = lo[2]; z < lo[2] + size[2]; ++z)
+        for (int y = lo[1]; y < lo[1] + size[1]; ++y)
+            for (int x = lo[0]; x < lo[0] + size[0]; ++x) {
+                const double r =
+                    sqrt(pow(x - 31.5, 2) + pow(y - 31.5, 2) + pow(z - 31.5, 2)) + 3 * sin(0.3 * x) * cos(0.4 * y);
+                *out++ = r < 10 ? 1 : r < 14 ? 2 : r < 24 && x + z > 50 ? 3 : 0;
+            }
+    return 0;
+}
+
+static int build_labels(priced *p, ex_session *session) {
+    static const sps_transfer_point looks[] = {
+        {0.4f, {0.8f, 0.3f, 0.2f}, 0, {0, 0, 0}},  {0.6f, {0.8f, 0.3f, 0.2f}, 60, {0, 0, 0}},
+        {1.4f, {0.8f, 0.3f, 0.2f}, 60, {0, 0, 0}}, {1.6f, {0.3f, 0.6f, 0.9f}, 0, {0, 0, 0}},
+        {2.4f, {0.3f, 0.6f, 0.9f}, 0, {0, 0, 0}},  {2.6f, {0.3f, 0.6f, 0.9f}, 25, {0, 0, 0}}};
+    blob_frame(&p->frame, 64, PRICE_SIZE);
+    p->frame.volume.eval_fn = NULL, p->frame.volume.read_fn = read_layers;
+    p->kept.transfer.points = looks, p->kept.transfer.point_count = 6;
+    p->frame.volume.transfer = &p->kept.transfer, p->frame.volume.classify_voxels = 1;
+    p->frame.volume.shading = SPS_SHADING_SURFACE;
+    marched_truth(p, session, 5, 0.25, 0);
+    return 0;
+}
+
 /* =================================================================================================== scenes */
 
 typedef struct price_scene {
@@ -372,6 +438,8 @@ static const price_scene price_scenes[] = {
     {"Penumbra of an edge", "closed form", "penumbra", build_penumbra, 0},
     {"Slab that scatters", "random paths", "scattering", build_scattering, 0},
     {"Chords of particles", "closed form", "chords", build_chords, 0},
+    {"Flame over a plane", "random paths", "fire", build_fire, 0},
+    {"Labels", "sps_reference", "labels", build_labels, 0},
     {"Cloud", "random paths", "cloud", build_cloud, 1},
     {"Smoke over a ground", "sps_reference", "smoke", build_smoke, 1},
     {"Bonsai, a surface", "sps_reference", "bonsai", build_scan, 1},

@@ -282,6 +282,9 @@ typedef struct sps_volume {
     /* Optional: bounds the values in a block, to skip it without reading. May be too wide, never too narrow; write
        0..1e18 if data may be invalid. */
     int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]);
+    /* Larger blocks that range_fn is asked for first: 1: of 64^3 voxels, 2: of 512^3, 3: both. Only non-empty ones are
+       divided. 0: none. Pays if range_fn has an index. */
+    int range_levels;
     /* Instead of read_fn: writes the values at voxel centres; `positions` are packed triples in world space. */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
@@ -320,7 +323,8 @@ typedef enum sps_voxel_format {
     SPS_VOXEL_U8 = 1, /* 0..255 */
     SPS_VOXEL_U16,    /* 0..65535 */
     SPS_VOXEL_F16,    /* IEEE 754 half precision */
-    SPS_VOXEL_F32     /* float */
+    SPS_VOXEL_F32,    /* float */
+    SPS_VOXEL_I16     /* -32768..32767; `offset` must lift negative ones to 0 or more */
 } sps_voxel_format;
 
 /* A dense array of voxels in the caller's memory, for volumes without callbacks of their own:
@@ -834,7 +838,7 @@ typedef struct sps_stats_report {
     double seconds_bin, seconds_light, seconds_cells, seconds_eye, seconds_total;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls, background_calls;
     uint64_t shade_calls;
-    uint64_t blocks_skipped; /* not read, because range_fn showed nothing relevant */
+    uint64_t blocks_skipped; /* of 32^3 voxels; not read, because range_fn showed nothing relevant */
     uint64_t voxels_read, voxels_relevant, bricks, values_replaced;
     uint64_t triangles, triangles_degenerate, pixels_of_polygons;
     uint64_t surface_points; /* passed to shade_fn */
@@ -3863,6 +3867,7 @@ typedef struct spsi_medium {
     int again;                       /* 1: an earlier medium reads the same voxels */
     const spsi_material *classifier; /* classifies voxels; NULL: none */
     float unit;                      /* largest classified extinction */
+    int low[3], high[3];   /* voxels to read */
     spsi_lattice *lattice;
     int channel;           /* eye-sheet channel, also material index */
     int light_channel;     /* channel in light sheets; 0: unclassified */
@@ -4284,7 +4289,7 @@ SPSI_COLD sps_result spsi_check_array(const spsi_subject *at, const sps_volume *
     if (spsi_check_canaries(&part, grid->start_canary, grid->end_canary)) return at->context->result;
     if (!grid->voxels) return spsi_wrong_that(&part, "voxels", 0, SPSI_IS_NULL);
     const spsi_bounded numbers[] = {
-        {"format", (double)(int)grid->format, SPS_VOXEL_U8, SPS_VOXEL_F32, "it must be an sps_voxel_format"},
+        {"format", (double)(int)grid->format, SPS_VOXEL_U8, SPS_VOXEL_I16, "it must be an sps_voxel_format"},
         {"offset", (double)grid->offset, -(double)FLT_MAX, (double)FLT_MAX, "it must be finite"},
         {"scale", (double)grid->scale, -(double)FLT_MAX, (double)FLT_MAX, "it must be finite"}};
     for (int k = 0; k < 3; ++k)
@@ -4301,7 +4306,8 @@ SPSI_COLD sps_result spsi_check_volume(sps_context *context, const sps_volume *v
         {"gradient_full", (double)volume->gradient_full, 0, (double)SPSI_VALUE_MAX, "it must be 0 or positive"},
         {"specular", (double)volume->specular, 0, 1, "it must be 0..1"},
         {"shininess", (double)volume->shininess, 0, 1e4, "it must be 0..10000"},
-        {"shading", (double)(int)volume->shading, 0, SPS_SHADING_SURFACE, "it must be an sps_shading"}};
+        {"shading", (double)(int)volume->shading, 0, SPS_SHADING_SURFACE, "it must be an sps_shading"},
+        {"range_levels", volume->range_levels, 0, 3, "it must be 0..3"}};
     spsi_check_canaries(&at, volume->start_canary, volume->end_canary);
     for (int k = 0; k < 3; ++k)
         if (size[k] < 0 || size[k] > 65536) spsi_wrong(&at, "size", size[k], "it must be 0..65536");
@@ -4828,6 +4834,10 @@ SPSI_COLD void spsi_medium_build(const sps_volume *volume, int index, spsi_latti
     medium->given = *volume;
     medium->index = index;
     medium->lattice = lattice;
+    for (int k = 0; k < 3; ++k) {
+        medium->low[k] = 0;
+        medium->high[k] = volume->size[k];
+    }
     if (volume->read_fn == sps_grid_read && (!volume->range_fn || volume->range_fn == sps_grid_range))
         medium->given.concurrent = 1;
 }
@@ -5285,8 +5295,9 @@ typedef struct spsi_block {
     int core_low[3], core_high[3]; /* voxels to gather */
     int empty;                     /* 1: range_fn reports nothing relevant */
     int replace;                   /* 1: invalid values count as 0 */
-    int range_calls, calls;        /* calls of range_fn; of read_fn or eval_fn */
+    int range_calls, calls;        /* calls of range_fn, parents' included; of read_fn or eval_fn */
     int voxels_read, replaced;     /* replaced: invalid values */
+    uint64_t skipped;              /* blocks in empty parents just before it */
     sps_result result;             /* SPS_ERROR_CALLBACK, or SPS_ERROR_DATA */
     const char *field;             /* callback, or "value" */
     double number;                 /* the callback's result, or the invalid value */
@@ -5308,26 +5319,27 @@ typedef struct spsi_voxels {
     float values[SPSI_BLOCK_ROWS * SPSI_BLOCK_EDGE];
 } spsi_voxels;
 
+/* Cell of `edge` voxels that holds coordinate `at`, which may be negative. */
+SPSI_COLD int spsi_block_cell(int at, int edge) { return at < 0 ? -((edge - 1 - at) / edge) : at / edge; }
+
+/* Cells of `edge` voxels along an axis. */
+SPSI_COLD int spsi_block_cells(const spsi_medium *medium, int edge, int axis) {
+    return spsi_block_cell(medium->high[axis] - 1, edge) - spsi_block_cell(medium->low[axis], edge) + 1;
+}
+
+/* corner: of the block without its margin. */
 SPSI_COLD void spsi_block_place(spsi_block *block, const spsi_medium *medium, const spsi_material *material,
-                                int64_t index) {
+                                const int corner[3], int edge) {
     const int margin = material->table ? SPSI_MARGIN : 0;
     memset(block, 0, sizeof *block);
     block->medium = medium;
     block->material = material;
     for (int i = 0; i < 3; ++i) {
-        const int size = medium->given.size[i], count = (size + SPSI_BLOCK - 1) / SPSI_BLOCK;
-        block->core_low[i] = (int)(index % count) * SPSI_BLOCK;
-        block->core_high[i] = spsi_imin(size, block->core_low[i] + SPSI_BLOCK);
-        block->low[i] = spsi_imax(0, block->core_low[i] - margin);
-        block->size[i] = spsi_imin(size, block->core_high[i] + margin) - block->low[i];
-        index /= count;
+        block->core_low[i] = spsi_imax(medium->low[i], corner[i]);
+        block->core_high[i] = spsi_imin(medium->high[i], corner[i] + edge);
+        block->low[i] = spsi_imax(medium->low[i], block->core_low[i] - margin);
+        block->size[i] = spsi_imin(medium->high[i], block->core_high[i] + margin) - block->low[i];
     }
-}
-
-SPSI_COLD int64_t spsi_block_count(const spsi_medium *medium) {
-    int64_t count = 1;
-    for (int i = 0; i < 3; ++i) count *= (medium->given.size[i] + SPSI_BLOCK - 1) / SPSI_BLOCK;
-    return count;
 }
 
 static size_t spsi_block_row(const spsi_block *block, int y, int z) {
@@ -5438,7 +5450,7 @@ static void spsi_block_read(spsi_voxels *voxels, int asks) {
     spsi_block *block = &voxels->block;
     const sps_volume *volume = &block->medium->given;
     const int count = block->size[0] * block->size[1] * block->size[2];
-    if (asks) spsi_block_range(block);
+    if (asks && block->result == SPS_OK) spsi_block_range(block);
     if (block->result != SPS_OK || block->empty) return;
     memset(voxels->values, 0, (size_t)count * sizeof(float));
     if (volume->eval_fn) {
@@ -5498,12 +5510,93 @@ SPSI_COLD void spsi_block_count_up(sps_stats_report *stats, const spsi_block *bl
     uint64_t *calls = block->medium->given.eval_fn ? &stats->eval_calls : &stats->read_calls;
     *calls += (uint64_t)block->calls;
     stats->range_calls += (uint64_t)block->range_calls;
-    stats->blocks_skipped += (uint64_t)block->empty;
+    stats->blocks_skipped += block->skipped + (uint64_t)block->empty;
     stats->voxels_read += (uint64_t)block->voxels_read;
     stats->values_replaced += (uint64_t)block->replaced;
 }
 
 /* --- reading blocks --- */
+
+#define SPSI_WALK_LEVELS 3 /* cubes of 512^3, 64^3 and 32^3 voxels */
+
+/* Visits a volume's blocks of 32^3 voxels, parents that range_fn calls empty as a whole. */
+typedef struct spsi_block_walk {
+    const spsi_medium *medium;
+    const spsi_material *material;
+    int levels, edges[SPSI_WALK_LEVELS];
+    int64_t spans[SPSI_WALK_LEVELS]; /* numbers per cube */
+    int64_t next, end;               /* numbers: outermost cubes, x fastest, then their cubes */
+    uint64_t skipped;                /* since the last block */
+    int range_calls;
+} spsi_block_walk;
+
+/* asks: use parents. */
+SPSI_COLD void spsi_blocks_begin(const spsi_medium *medium, const spsi_material *material, int asks, spsi_block_walk *walk) {
+    const int parents = asks && medium->given.range_fn ? medium->given.range_levels : 0;
+    memset(walk, 0, sizeof *walk);
+    walk->medium = medium;
+    walk->material = material;
+    if (parents & 2) walk->edges[walk->levels++] = 16 * SPSI_BLOCK;
+    if (parents & 1) walk->edges[walk->levels++] = 2 * SPSI_BLOCK;
+    walk->edges[walk->levels++] = SPSI_BLOCK;
+    for (int n = 0; n < walk->levels; ++n) {
+        const int64_t side = walk->edges[n] / SPSI_BLOCK;
+        walk->spans[n] = side * side * side;
+    }
+    walk->end = walk->spans[0];
+    for (int k = 0; k < 3; ++k) walk->end *= spsi_block_cells(medium, walk->edges[0], k);
+}
+
+/* Corner of the level's cube that contains number `next`. Returns 0 if it lies outside the volume. */
+SPSI_COLD int spsi_blocks_corner(const spsi_block_walk *walk, int level, int corner[3]) {
+    const spsi_medium *medium = walk->medium;
+    int inside = 1;
+    for (int k = 0; k < 3; ++k) corner[k] = spsi_block_cell(medium->low[k], walk->edges[0]) * walk->edges[0];
+    for (int n = 0; n <= level; ++n) {
+        const int edge = walk->edges[n];
+        int64_t index = (n ? walk->next % walk->spans[n - 1] : walk->next) / walk->spans[n];
+        for (int k = 0; k < 3; ++k) {
+            const int count = n ? walk->edges[n - 1] / edge : spsi_block_cells(medium, edge, k);
+            corner[k] += (int)(index % count) * edge;
+            index /= count;
+        }
+    }
+    for (int k = 0; k < 3; ++k)
+        inside &= corner[k] < medium->high[k] && corner[k] + walk->edges[level] > medium->low[k];
+    return inside;
+}
+
+/* Places the next block. If range_fn fails for a parent, that is the block. Returns 0 at the end. */
+SPSI_COLD int spsi_blocks_next(spsi_block_walk *walk, spsi_block *block) {
+    while (walk->next < walk->end) {
+        int level = 0, inside = 1, corner[3];
+        for (; level < walk->levels; ++level) {
+            if (walk->next % walk->spans[level] != 0) continue; /* known */
+            inside = spsi_blocks_corner(walk, level, corner);
+            if (!inside || level == walk->levels - 1) break;
+            spsi_block_place(block, walk->medium, walk->material, corner, walk->edges[level]);
+            spsi_block_range(block);
+            walk->range_calls += block->range_calls;
+            if (block->result != SPS_OK || block->empty) break;
+        }
+        if (inside && level == walk->levels - 1) {
+            spsi_block_place(block, walk->medium, walk->material, corner, SPSI_BLOCK);
+        } else if (inside && block->empty) {
+            uint64_t count = 1;
+            for (int k = 0; k < 3; ++k)
+                count *= (uint64_t)((block->core_high[k] - block->core_low[k] + SPSI_BLOCK - 1) / SPSI_BLOCK);
+            walk->skipped += count;
+        }
+        walk->next += walk->spans[level];
+        if (!inside || block->empty) continue;
+        block->skipped = walk->skipped;
+        block->range_calls = walk->range_calls;
+        walk->skipped = 0;
+        walk->range_calls = 0;
+        return 1;
+    }
+    return 0;
+}
 
 typedef struct spsi_reader {
     const sps_context *context;
@@ -5512,7 +5605,7 @@ typedef struct spsi_reader {
     int asks;               /* 1: call range_fn first */
     int replace;            /* 1: invalid values count as 0 */
     spsi_call_stage part;   /* this volume's progress range */
-    int64_t block_count;
+    spsi_block_walk walk;
     int at_once;            /* maximum blocks in memory */
     spsi_voxels *list;
     int count;
@@ -5521,14 +5614,15 @@ typedef struct spsi_reader {
 /* Several blocks per worker balance the load. */
 SPSI_COLD int spsi_blocks_at_once(const sps_context *context, const spsi_medium *medium) {
     const int workers = spsi_worker_count(context), most = workers > 1 ? 4 * workers : 1;
-    const int64_t count = spsi_block_count(medium);
+    int64_t count = 1;
+    for (int k = 0; k < 3; ++k) count *= spsi_block_cells(medium, SPSI_BLOCK, k);
     return count < most ? (int)count : most;
 }
 
-/* Requires reader->medium. */
+/* Requires reader->medium, material and asks. */
 SPSI_COLD sps_result spsi_reader_open(sps_context *context, spsi_reader *reader) {
     reader->context = context;
-    reader->block_count = spsi_block_count(reader->medium);
+    spsi_blocks_begin(reader->medium, reader->material, reader->asks, &reader->walk);
     reader->at_once = spsi_blocks_at_once(context, reader->medium);
     reader->list =
         (spsi_voxels *)spsi_reserve(context, SPSI_BUFFER_BLOCKS, (size_t)reader->at_once, sizeof *reader->list);
@@ -5544,9 +5638,9 @@ static spsi_voxels *spsi_reader_values(const spsi_reader *reader, int index) {
 }
 
 /* Reads a non-concurrent volume's blocks, up to the first failure. */
-SPSI_COLD sps_result spsi_reader_read(sps_context *context, spsi_reader *reader, int64_t first) {
+SPSI_COLD sps_result spsi_reader_read(sps_context *context, spsi_reader *reader) {
     for (int i = 0; i < reader->count; ++i) {
-        const double done = (double)(first + i) / (double)reader->block_count;
+        const double done = (double)(reader->walk.next - reader->count + i) / (double)reader->walk.end;
         if (spsi_progress(context, spsi_call_stage_done(&reader->part, done))) return context->result;
         if (reader->medium->given.concurrent) break;
         spsi_block_read(&reader->list[i], reader->asks);
@@ -5555,22 +5649,24 @@ SPSI_COLD sps_result spsi_reader_read(sps_context *context, spsi_reader *reader,
     return SPS_OK;
 }
 
-/* Reads blocks from `first` on and runs `task` on each; it must call spsi_reader_values. Statistics end with the first
-   failed block, for any number of workers. */
-SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader, int64_t first, sps_task_fn task,
-                                      void *data) {
-    const int64_t left = reader->block_count - first;
-    reader->count = left < reader->at_once ? (int)left : reader->at_once;
-    for (int i = 0; i < reader->count; ++i) {
-        spsi_block_place(&reader->list[i].block, reader->medium, reader->material, first + i);
-        reader->list[i].block.replace = reader->replace;
+/* Reads the next blocks and runs `task` on each; it must call spsi_reader_values. Statistics end with the first failed
+   block, for any number of workers. reader->count: 0 at the end. */
+SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader, sps_task_fn task, void *data) {
+    int more = 1;
+    for (reader->count = 0; more && reader->count < reader->at_once; reader->count += more) {
+        const spsi_block *last = reader->count > 0 ? &reader->list[reader->count - 1].block : NULL;
+        more = (!last || last->result == SPS_OK) && spsi_blocks_next(&reader->walk, &reader->list[reader->count].block);
     }
-    if (spsi_reader_read(context, reader, first)) return context->result;
+    for (int i = 0; i < reader->count; ++i) reader->list[i].block.replace = reader->replace;
+    if (spsi_reader_read(context, reader)) return context->result;
     spsi_parallel(context, reader->count, task, data);
     for (int i = 0; i < reader->count; ++i) {
         spsi_block_count_up(&context->stats, &reader->list[i].block);
         if (spsi_block_check(context, &reader->list[i].block)) return context->result;
     }
+    if (reader->walk.next < reader->walk.end) return SPS_OK;
+    context->stats.range_calls += (uint64_t)reader->walk.range_calls;
+    context->stats.blocks_skipped += reader->walk.skipped;
     return SPS_OK;
 }
 
@@ -5625,7 +5721,7 @@ static int spsi_block_brick(const spsi_block *block, int number, int base[3]) {
     const int edge = SPSI_BLOCK / SPSI_BRICK;
     int inside = 1;
     for (int k = 0; k < 3; ++k, number /= edge) {
-        base[k] = block->core_low[k] + number % edge * SPSI_BRICK;
+        base[k] = (spsi_block_cell(block->core_low[k], SPSI_BRICK) + number % edge) * SPSI_BRICK;
         inside &= base[k] < block->core_high[k];
     }
     return inside;
@@ -5634,12 +5730,14 @@ static int spsi_block_brick(const spsi_block *block, int number, int base[3]) {
 /* Mask of a brick layer's relevant voxels: 8 rows of 8 bits. */
 static uint64_t spsi_brick_layer(const spsi_voxels *voxels, const int base[3], int z) {
     const spsi_block *block = &voxels->block;
-    const int height = spsi_imin(SPSI_BRICK, block->core_high[1] - base[1]);
-    const uint64_t *rows = voxels->relevant + spsi_block_row(block, base[1], base[2] + z);
+    const int low = spsi_imax(0, block->core_low[1] - base[1]), right = base[0] - block->low[0];
+    const int high = spsi_imin(SPSI_BRICK, block->core_high[1] - base[1]);
     const uint64_t whole = (1 << SPSI_BRICK) - 1;
     uint64_t layer = 0;
-    if (base[2] + z >= block->core_high[2]) return 0;
-    for (int y = 0; y < height; ++y) layer |= (rows[y] >> (base[0] - block->low[0]) & whole) << SPSI_BRICK * y;
+    if (base[2] + z < block->core_low[2] || base[2] + z >= block->core_high[2]) return 0;
+    const uint64_t *rows = voxels->relevant + spsi_block_row(block, base[1] + low, base[2] + z);
+    for (int y = low; y < high; ++y, ++rows)
+        layer |= ((right < 0 ? *rows << -right : *rows >> right) & whole) << SPSI_BRICK * y;
     return layer;
 }
 
@@ -5742,18 +5840,21 @@ static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, sp
         const uint64_t layer = spsi_brick_layer(voxels, brick->base, z);
         SPSI_ROLLED for (int y = 0; y < SPSI_BRICK; ++y) {
             const uint64_t row = layer >> SPSI_BRICK * y & ((1 << SPSI_BRICK) - 1);
-            const float *values = voxels->values + spsi_block_index(&voxels->block, brick->base[0], brick->base[1] + y,
-                                                                    brick->base[2] + z);
-            for (int x = 0; row >> x; ++x) {
+            int x = 0;
+            if (row == 0) continue;
+            while (!(row >> x & 1)) ++x;
+            const float *value = voxels->values + spsi_block_index(&voxels->block, brick->base[0] + x,
+                                                                   brick->base[1] + y, brick->base[2] + z);
+            for (; row >> x; ++x, ++value) {
                 if (!(row >> x & 1)) continue;
                 segment->place[at] = (uint16_t)((z * SPSI_BRICK + y) * SPSI_BRICK + x);
-                segment->value[at++] = values[x];
+                segment->value[at++] = *value;
                 brick->layers[y / 3 * 3 + x / 3] |= (unsigned char)(1 << z);
-                brick->most = spsi_fmax(brick->most, values[x]);
+                brick->most = spsi_fmax(brick->most, *value);
             }
             steps[0] |= row;
-            steps[1] |= (uint64_t)(row > 0) << y;
-            steps[2] |= (uint64_t)(row > 0) << z;
+            steps[1] |= UINT64_C(1) << y;
+            steps[2] |= UINT64_C(1) << z;
         }
     }
     spsi_brick_bound(brick, steps);
@@ -5773,12 +5874,18 @@ SPSI_COLD sps_result spsi_gather_medium(sps_context *context, const spsi_frame *
     const spsi_medium *read = &frame->media[medium];
     const spsi_material *material = &frame->matter.materials[read->channel];
     const double share = SPSI_PROGRESS_GATHER / frame->medium_count;
-    const int replace = frame->given.replace_invalid;
-    spsi_reader reader = {context, read, material, 1, replace, {share * medium, share}, 0, 0, NULL, 0};
+    spsi_reader reader;
+    memset(&reader, 0, sizeof reader);
+    reader.medium = read;
+    reader.material = material;
+    reader.asks = 1;
+    reader.replace = frame->given.replace_invalid;
+    reader.part.progress = share * medium;
+    reader.part.share = share;
     if (spsi_reader_open(context, &reader)) return context->result;
-    for (int64_t first = 0; first < reader.block_count; first += reader.at_once) {
+    while (reader.walk.next < reader.walk.end) {
         const int before = context->brick_count;
-        if (spsi_reader_next(context, &reader, first, spsi_block_task, &reader)) return context->result;
+        if (spsi_reader_next(context, &reader, spsi_block_task, &reader)) return context->result;
         for (int i = 0; i < reader.count; ++i)
             if (spsi_block_add_bricks(context, &reader.list[i], medium, current)) return context->result;
         if (context->brick_count > before) spsi_parallel_items(context, reader.count, spsi_bricks_fill_task, &reader);
@@ -10980,8 +11087,8 @@ SPSI_COLD void spsi_pyramid_reach(const spsi_brick *brick, int taps, int range[2
     for (int k = 0; k < 3; ++k) {
         const int low = brick->base[k] + brick->low[k] - taps / 2,
                   high = brick->base[k] + brick->high[k] + taps / 2 - 1;
-        range[0][k] = (low + SPSI_BRICK) / HALF - 2; /* floor */
-        range[1][k] = (high + SPSI_BRICK) / HALF - 2;
+        range[0][k] = spsi_block_cell(low, HALF);
+        range[1][k] = spsi_block_cell(high, HALF);
     }
 }
 
@@ -11011,8 +11118,9 @@ static int spsi_pyramid_has(const spsi_pyramid_level *field, const int at[3]) {
 }
 
 SPSI_COLD void spsi_pyramid_place(const spsi_brick *bricks, int taps, spsi_pyramid_level *field) {
-    int high[3] = {-1, -1, -1};
-    for (int k = 0; k < 3; ++k) field->low[k] = SPSI_SIZE_MAX * SPSI_SIZE_MAX;
+    const int most = SPSI_SIZE_MAX * SPSI_SIZE_MAX;
+    int high[3] = {-most, -most, -most};
+    for (int k = 0; k < 3; ++k) field->low[k] = most;
     for (int i = field->first; i < field->end; ++i) {
         int range[2][3];
         spsi_pyramid_reach(&bricks[i], taps, range);
@@ -12361,8 +12469,8 @@ SPSI_COLD void spsi_levels_place(spsi_pyramid *fields, int medium) {
 
 SPSI_COLD void spsi_pyramid_whole(const spsi_medium *medium, spsi_pyramid_level *field) {
     for (int k = 0; k < 3; ++k) {
-        field->low[k] = -1;
-        field->size[k] = (medium->given.size[k] + SPSI_BRICK - 1) / SPSI_BRICK + 2;
+        field->low[k] = spsi_block_cell(medium->low[k], SPSI_BRICK) - 1;
+        field->size[k] = spsi_block_cells(medium, SPSI_BRICK, k) + 2;
     }
 }
 
@@ -24990,12 +25098,12 @@ SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *f
         return SPS_OK;
     }
     for (int medium = 0; medium < frame->medium_count; ++medium) {
-        const int64_t count = spsi_block_count(&frame->media[medium]);
-        for (int64_t i = 0; i < count; ++i) {
+        spsi_block block;
+        spsi_block_walk walk;
+        spsi_blocks_begin(&frame->media[medium], &frame->matter.materials[frame->media[medium].channel], 1, &walk);
+        while (spsi_blocks_next(&walk, &block)) {
             uint64_t bricks = 1, voxels = 1, kept = 1;
-            spsi_block block;
-            spsi_block_place(&block, &frame->media[medium], &frame->matter.materials[frame->media[medium].channel], i);
-            spsi_block_range(&block);
+            if (block.result == SPS_OK) spsi_block_range(&block);
             context->stats.range_calls += (uint64_t)block.range_calls;
             report->range_calls += (uint64_t)block.range_calls;
             if (spsi_block_check(context, &block)) return context->result;
@@ -25017,6 +25125,8 @@ SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *f
             else
                 report->read_calls += 1;
         }
+        context->stats.range_calls += (uint64_t)walk.range_calls;
+        report->range_calls += (uint64_t)walk.range_calls;
     }
     return SPS_OK;
 }
@@ -26292,8 +26402,8 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
     job.reader.material = &plain;
     job.reader.replace = frame->given.replace_invalid;
     if (spsi_reader_open(context, &job.reader)) return context->result;
-    for (int64_t i = 0; i < job.reader.block_count; i += job.reader.at_once)
-        if (spsi_reader_next(context, &job.reader, i, spsi_dense_task, &job)) return context->result;
+    while (job.reader.walk.next < job.reader.walk.end)
+        if (spsi_reader_next(context, &job.reader, spsi_dense_task, &job)) return context->result;
     for (int z = 0; z < grid->size[2]; spsi_tick(context, 0), ++z)
         for (int y = 0; y < grid->size[1]; ++y)
             for (int x = 0; x < grid->size[0]; ++x) {
@@ -27848,6 +27958,7 @@ static void spsi_voxel_row(const sps_grid *grid, const char *from, ptrdiff_t ste
         if (grid->format == SPS_VOXEL_U8 || grid->format == SPS_VOXEL_F32) continue;
         memcpy(&word, from, sizeof word);
         out[i] = grid->format == SPS_VOXEL_F16 ? spsi_half(word) : (float)word;
+        if (grid->format == SPS_VOXEL_I16 && word > 32767) out[i] -= 65536;
     }
     SPSI_ROLLED for (int i = 0; i < count; ++i) out[i] = out[i] * scale + offset;
 }
@@ -27855,7 +27966,7 @@ static void spsi_voxel_row(const sps_grid *grid, const char *from, ptrdiff_t ste
 /* Returns 0 or the error of sps_grid_read and sps_grid_range. */
 static int spsi_grid_check(const sps_grid *grid, const int lo[3], const int size[3]) {
     if (!grid || !grid->voxels || grid->start_canary || grid->end_canary) return 1;
-    if ((int)grid->format < SPS_VOXEL_U8 || grid->format > SPS_VOXEL_F32) return 1;
+    if ((int)grid->format < SPS_VOXEL_U8 || grid->format > SPS_VOXEL_I16) return 1;
     if (!(fabsf(grid->scale) <= FLT_MAX) || !(fabsf(grid->offset) <= FLT_MAX)) return 1;
     for (int i = 0; i < 3; ++i)
         if (grid->size[i] < 1) return 1;
@@ -27866,7 +27977,7 @@ static int spsi_grid_check(const sps_grid *grid, const int lo[3], const int size
 
 /* Bytes between neighbours along x, y, z. */
 static void spsi_grid_strides(const sps_grid *grid, ptrdiff_t stride[3]) {
-    static const ptrdiff_t bytes[] = {0, 1, 2, 2, 4};
+    static const ptrdiff_t bytes[] = {0, 1, 2, 2, 4, 2};
     for (int i = 0; i < 3; ++i) {
         ptrdiff_t packed = i == 0 ? bytes[grid->format] : stride[i - 1] * grid->size[i - 1];
         if (packed < 0) packed = -packed; /* reversed rows still form ordered layers */

@@ -20,6 +20,7 @@ static double stored(sps_voxel_format format, int x, int y, int z) {
     const int n = (z * NY + y) * NX + x;
     if (format == SPS_VOXEL_U8) return n;
     if (format == SPS_VOXEL_U16) return 60000 - 401 * n;
+    if (format == SPS_VOXEL_I16) return -32768 + 471 * n; /* up to 32701 */
     return format == SPS_VOXEL_F16 ? half_value((unsigned)(0x0380 + 97 * n)) : 0.25 + n * 0.375;
 }
 
@@ -30,7 +31,9 @@ static size_t voxel_bytes(sps_voxel_format format) {
 static void store(sps_voxel_format format, int x, int y, int z, char *at) {
     const int n = (z * NY + y) * NX + x;
     const unsigned char byte = (unsigned char)n;
-    const uint16_t word = (uint16_t)(format == SPS_VOXEL_U16 ? 60000 - 401 * n : 0x0380 + 97 * n);
+    const uint16_t word = (uint16_t)(format == SPS_VOXEL_U16   ? 60000 - 401 * n
+                                     : format == SPS_VOXEL_I16 ? 32768 + 471 * n /* two's complement */
+                                                               : 0x0380 + 97 * n);
     const float number = 0.25f + (float)n * 0.375f;
     memcpy(at,
            format == SPS_VOXEL_U8    ? (const void *)&byte
@@ -63,26 +66,30 @@ static void fill(sps_grid *grid, sps_voxel_format format, int layout, char *buff
 static void test_grids(void) {
     static char buffer[16 * VOXELS];
     check_random random = {11};
-    for (int n = 0; n < 4 * 4 * 2 * 20; ++n) {
-        const sps_voxel_format format = (sps_voxel_format)(SPS_VOXEL_U8 + n % 4);
-        const int scaled = n / 16 % 2, most[3] = {NX, NY, NZ};
+    for (int n = 0; n < 5 * 4 * 2 * 20; ++n) {
+        const sps_voxel_format format = (sps_voxel_format)(SPS_VOXEL_U8 + n % 5);
+        const int scaled = n / 20 % 2 || format == SPS_VOXEL_I16, most[3] = {NX, NY, NZ};
+        const float offset = format == SPS_VOXEL_I16 ? 32768 * 0.37f : 11;
         int lo[3], size[3];
         float values[VOXELS], range[2] = {-1, -1}, low = HUGE_VALF, high = 0;
         sps_grid grid;
-        fill(&grid, format, n / 4 % 4, buffer);
-        if (scaled) grid.scale = 0.37f, grid.offset = 11;
+        fill(&grid, format, n / 5 % 4, buffer);
+        if (scaled) grid.scale = 0.37f, grid.offset = offset;
         for (int k = 0; k < 3; ++k) {
-            lo[k] = n < 32 ? 0 : (int)(check_next(&random) * most[k]);
-            size[k] = n < 32 ? most[k] : 1 + (int)(check_next(&random) * (most[k] - lo[k]));
+            lo[k] = n < 40 ? 0 : (int)(check_next(&random) * most[k]);
+            size[k] = n < 40 ? most[k] : 1 + (int)(check_next(&random) * (most[k] - lo[k]));
         }
         for (int i = 0; i < VOXELS; ++i) values[i] = -7;
         CHECK(sps_grid_read(&grid, lo, size, values) == 0);
         for (int i = 0; i < VOXELS; ++i) {
             const int x = i % size[0], y = i / size[0] % size[1], z = i / size[0] / size[1];
             double exact = stored(format, lo[0] + x, lo[1] + y, lo[2] + z);
-            if (scaled) exact = exact * (double)0.37f + 11;
+            const double product = fabs(exact * (double)0.37f);
+            if (scaled) exact = exact * (double)0.37f + (double)offset;
             if (i >= size[0] * size[1] * size[2]) exact = -7;
-            if (!CHECK_NEAR((double)values[i], exact, scaled && exact > 0 ? 1.2e-7 * exact : 0)) printf("    %d\n", n);
+            /* the product and the sum are rounded by 2^-24 each */
+            if (!CHECK_NEAR((double)values[i], exact, scaled && exact >= 0 ? 6e-8 * (product + exact) : 0))
+                printf("    %d\n", n);
             if (i >= size[0] * size[1] * size[2]) continue;
             low = fminf(low, values[i]), high = fmaxf(high, values[i]);
         }
@@ -138,7 +145,7 @@ static void test_bad_grids(void) {
         if (n == 3) grid.start_canary = 1;
         if (n == 4) grid.end_canary = 1;
         if (n == 5) grid.format = (sps_voxel_format)0;
-        if (n == 6) grid.format = (sps_voxel_format)5;
+        if (n == 6) grid.format = (sps_voxel_format)6;
         if (n == 7) grid.size[0] = 0;
         if (n == 8) grid.size[2] = -1;
         if (n == 9) grid.scale = NAN;
@@ -223,7 +230,7 @@ static void test_array_refusals(void) {
                                         "volume[0].grid.size is 5",
                                         "volume[0].grid.scale is nan",
                                         "volume[0].grid.offset is inf",
-                                        "volume[0].grid.format is 5",
+                                        "volume[0].grid.format is 6",
                                         "mesh[0].user is NULL",
                                         "mesh[0].arrays.start_canary is 1",
                                         "mesh[0].arrays.end_canary is 1",
@@ -250,7 +257,7 @@ static void test_array_refusals(void) {
         memset(&grid, 0, sizeof grid);
         memset(&image, 0, sizeof image);
         image.rgba = rgba;
-        grid.voxels = n == 3 ? NULL : voxels, grid.format = n == 7 ? (sps_voxel_format)5 : SPS_VOXEL_U8;
+        grid.voxels = n == 3 ? NULL : voxels, grid.format = n == 7 ? (sps_voxel_format)6 : SPS_VOXEL_U8;
         for (int k = 0; k < 3; ++k) grid.size[k] = n == 4 && k == 1 ? 5 : 4;
         grid.start_canary = n == 1, grid.end_canary = n == 2;
         if (n == 5) grid.scale = NAN;

@@ -467,6 +467,72 @@ static void test_range_skips(int classified) {
     check_free_triangles(&t.triangles);
 }
 
+/* Whether a block and its margin meet the ball, found without visiting voxels. */
+static int ball_near(const ball *b, const int lo[3], const int size[3]) {
+    double square = 0;
+    for (int k = 0; k < 3; ++k) {
+        const double low = 2 * (lo[k] + 0.5) / b->size - 1, high = 2 * (lo[k] + size[k] - 0.5) / b->size - 1;
+        const double off = fmax(fmax(low - b->centre[k], b->centre[k] - high), 0);
+        square += off * off;
+    }
+    return square < b->radius * b->radius;
+}
+
+static int ball_range_quick(void *user, const int lo[3], const int size[3], float out[2]) {
+    ball *b = (ball *)user;
+    b->range_calls += 1;
+    out[0] = 0;
+    out[1] = (float)ball_near(b, lo, size);
+    return 0;
+}
+
+/* Calls for a cube of `edge` voxels at `corner` and for its parts, by the manual's rule. */
+static long calls_in(const ball *b, int levels, int edge, const int corner[3], int margin) {
+    const int asks = edge == 32 || (edge == 64 && levels & 1) || (edge == 512 && levels & 2);
+    int lo[3], size[3];
+    long calls = asks;
+    for (int k = 0; k < 3; ++k) {
+        const int end = corner[k] + edge + margin < b->size ? corner[k] + edge + margin : b->size;
+        if (corner[k] >= b->size) return 0;
+        lo[k] = corner[k] > margin ? corner[k] - margin : 0;
+        size[k] = end - lo[k];
+    }
+    if (edge == 32 || (asks && !ball_near(b, lo, size))) return calls;
+    for (int n = 0, half = edge / 2; n < 8; ++n) {
+        const int at[3] = {corner[0] + n % 2 * half, corner[1] + n / 2 % 2 * half, corner[2] + n / 4 * half};
+        calls += calls_in(b, levels, half, at, margin);
+    }
+    return calls;
+}
+
+/* Larger blocks first: fewer calls, by just as many as the rule says; the same blocks are read and skipped. */
+static void test_range_levels(int classified) {
+    enum { SIDE = 1030, EVERY = 33 * 33 * 33 };
+    for (int levels = 0; levels < 4; ++levels) {
+        setup t;
+        outcome o;
+        long calls = 0;
+        setup_build(&t);
+        setup_resize(&t, SIDE);
+        if (classified) t.s.volume[0].transfer = &grey_transfer;
+        t.disc.radius = 0.02;
+        check_set3(t.disc.centre, -0.99, 0.03, 0.98);
+        t.s.volume[0].range_fn = ball_range_quick;
+        t.s.volume[0].range_levels = levels;
+        o = measure(&t);
+        for (int n = 0; n < 27; ++n) {
+            const int at[3] = {n % 3 * 512, n / 3 % 3 * 512, n / 9 * 512};
+            calls += calls_in(&t.disc, levels, 512, at, classified ? 3 : 0);
+        }
+        CHECK(o.seen.range_calls == calls && o.stats.range_calls == (uint64_t)calls);
+        CHECK(o.plan.range_calls == (uint64_t)calls && (levels > 0 || calls == EVERY));
+        CHECK(o.stats.blocks_skipped == (uint64_t)(EVERY - o.seen.read_calls) && o.seen.read_calls > 1);
+        CHECK(o.plan.read_calls == (uint64_t)o.seen.read_calls && o.plan.voxels_read == (uint64_t)o.seen.voxels);
+        CHECK(levels < 3 || calls < EVERY / 20);
+        check_free_triangles(&t.triangles);
+    }
+}
+
 /* An empty volume, by range: nothing is read, and the reason is not that something is held. */
 static void test_range_skips_all(void) {
     setup t;
@@ -1050,6 +1116,8 @@ int main(void) {
     test_grey_pixels();
     test_range_skips(0);
     test_range_skips(1);
+    test_range_levels(0);
+    test_range_levels(1);
     test_range_skips_all();
     test_eval_counts();
     test_borders_count();

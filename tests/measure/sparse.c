@@ -4,7 +4,9 @@
    sparse cloud      535 puffs of radius 16 in 1000^3 voxels, of which 0.9 % are set
    sparse isolated   one set voxel in each 16^3 of 512^3
    sparse bonsai     the scan, with SPLATSHADOW_DATA=folder
-   Without a name: all three. */
+   sparse levels     the cloud's 9.5 million voxels in 4000^3: calls of range_fn, and seconds of plan and reading,
+                     without and with range_levels, in turns
+   Without a name: all four. */
 
 #define _POSIX_C_SOURCE 200809L
 #include "splatshadow.h"
@@ -14,13 +16,15 @@
 #include <string.h>
 #include <time.h>
 
-enum { PUFFS = 535, RADIUS = 16, CLOUD = 1000, APART = 16, ISOLATED = 512, BONSAI = 256 };
+enum { WIDE = 4000, WIDE_FIRST = 1400, ROUNDS = 3 };
+enum { PUFFS = 535, PUFFS_WIDE = 555, RADIUS = 16, CLOUD = 1000, APART = 16, ISOLATED = 512, BONSAI = 256 };
 
-static double puffs[PUFFS][3];
+static double puffs[PUFFS_WIDE][3];
+static int puff_count = PUFFS;
 
 static void puffs_place(void) {
     uint32_t seed = 1;
-    for (int i = 0; i < 3 * PUFFS; ++i) {
+    for (int i = 0; i < 3 * PUFFS_WIDE; ++i) {
         seed = seed * 1664525u + 1013904223u;
         puffs[i / 3][i % 3] = RADIUS + (CLOUD - 2 * RADIUS) * (double)seed / 4294967296.0;
     }
@@ -45,16 +49,15 @@ static void puff_read(const double *centre, const int lo[3], const int size[3], 
 
 static int cloud_read(void *user, const int lo[3], const int size[3], float *values) {
     (void)user;
-    for (int i = 0; i < PUFFS; ++i) puff_read(puffs[i], lo, size, values);
+    for (int i = 0; i < puff_count; ++i) puff_read(puffs[i], lo, size, values);
     return 0;
 }
 
 static int cloud_range(void *user, const int lo[3], const int size[3], float range[2]) {
     (void)user;
-    for (int i = 0; i < PUFFS; ++i) {
+    for (int i = 0; i < puff_count; ++i) {
         int meets = 1;
-        for (int k = 0; k < 3; ++k)
-            meets &= puffs[i][k] + RADIUS > lo[k] && puffs[i][k] - RADIUS < lo[k] + size[k];
+        for (int k = 0; k < 3; ++k) meets &= puffs[i][k] + RADIUS > lo[k] && puffs[i][k] - RADIUS < lo[k] + size[k];
         if (meets) range[1] = PUFFS;
     }
     return 0;
@@ -161,6 +164,59 @@ static int bonsai_read(const char *folder, sps_grid *grid) {
     return complete;
 }
 
+/* The cloud somewhere in a much larger volume. */
+static int wide_read(void *user, const int lo[3], const int size[3], float *values) {
+    const int from[3] = {lo[0] - WIDE_FIRST, lo[1] - WIDE_FIRST, lo[2] - WIDE_FIRST};
+    return cloud_read(user, from, size, values);
+}
+
+static int wide_range(void *user, const int lo[3], const int size[3], float range[2]) {
+    const int from[3] = {lo[0] - WIDE_FIRST, lo[1] - WIDE_FIRST, lo[2] - WIDE_FIRST};
+    return cloud_range(user, from, size, range);
+}
+
+/* Adds the seconds that a plan and the reading of a first frame take. */
+static sps_stats_report levels_once(sps_volume volume, int levels, double seconds[2]) {
+    static float rgba[4 * 64 * 64];
+    const sps_scene scene = {.volumes = &volume, .volume_count = 1, .ambient = {1, 1, 1}};
+    const sps_view view = {.width = 64,
+                           .height = 64,
+                           .camera = {.position = {0, 0, 2.0 * WIDE}, .up = {0, 1, 0}, .ortho_height = WIDE},
+                           .quality = SPS_QUALITY_DRAFT,
+                           .scattering = SPS_SCATTERING_SINGLE};
+    const sps_config config = {.clock_fn = seconds_now};
+    const sps_image image = {.rgba = rgba};
+    sps_context *context = sps_create(&config, NULL);
+    const double start = seconds_now(NULL);
+    sps_plan_report plan;
+    sps_stats_report stats;
+    volume.range_levels = levels;
+    if (!context || sps_plan(context, &scene, &view, &plan)) exit(1);
+    seconds[0] += seconds_now(NULL) - start;
+    if (sps_render(context, &scene, &view, &image)) exit(1);
+    sps_get_stats(context, &stats);
+    seconds[1] += stats.seconds_gather;
+    sps_destroy(context);
+    return stats;
+}
+
+static void report_levels(void) {
+    sps_volume volume = {
+        .size = {WIDE, WIDE, WIDE},
+        .placement = {{-0.5 * WIDE, -0.5 * WIDE, -0.5 * WIDE}, {{WIDE, 0, 0}, {0, WIDE, 0}, {0, 0, WIDE}}},
+        .read_fn = wide_read,
+        .range_fn = wide_range,
+        .extinction = 0.05f};
+    double seconds[4][2] = {{0, 0}, {0, 0}, {0, 0}, {0, 0}};
+    sps_stats_report stats[4];
+    puff_count = PUFFS_WIDE;
+    for (int n = 0; n < 4 * ROUNDS; ++n) stats[n % 4] = levels_once(volume, n % 4, seconds[n % 4]);
+    for (int n = 0; n < 4; ++n)
+        printf("levels %d  %8.0f voxels  %8.0f calls of range_fn; plan %.4f s (%.3f), reading %.4f s (%.3f)\n", n,
+               (double)stats[n].voxels_relevant, (double)stats[n].range_calls, seconds[n][0] / ROUNDS,
+               seconds[n][0] / seconds[0][0], seconds[n][1] / ROUNDS, seconds[n][1] / seconds[0][1]);
+}
+
 int main(int count, char **arguments) {
     const char *only = count > 1 ? arguments[1] : NULL, *folder = getenv("SPLATSHADOW_DATA");
     const sps_volume cloud = {.read_fn = cloud_read, .range_fn = cloud_range}, isolated = {.read_fn = isolated_read};
@@ -169,6 +225,8 @@ int main(int count, char **arguments) {
     puffs_place();
     if (!only || !strcmp(only, "cloud")) report("cloud", cloud, CLOUD);
     if (!only || !strcmp(only, "isolated")) report("isolated", isolated, ISOLATED);
+    if (!only || !strcmp(only, "levels")) report_levels();
+    puff_count = PUFFS;
     if (folder && (!only || !strcmp(only, "bonsai")) && bonsai_read(folder, &grid)) {
         report("bonsai", bonsai, BONSAI);
         free((void *)(uintptr_t)grid.voxels);

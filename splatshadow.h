@@ -276,21 +276,25 @@ typedef struct sps_volume {
     uint32_t start_canary;   /* leave 0 */
     int size[3];             /* voxels along x, y, z, at most 65536 each; any of them 0: no volume */
     sps_placement placement; /* maps the unit cube to the volume's box; may rotate, scale and shear */
+    /* Voxel faces that cut the field: i0, j0, k0, i1, j1, k1, of 0..size. All 0: none; empty: no volume. */
+    int crop[6];
+    /* Voxels beyond all sides of the box that callbacks deliver, 0..65536 (lo from -border on), for interpolation only:
+       the box cuts the field (docs/manual.md, section 2). */
+    int border;
 
     /* Writes the size[0]*size[1]*size[2] values (>= 0) of the block of voxels that begins at lo, x fastest. */
     int (*read_fn)(void *user, const int lo[3], const int size[3], float *out);
     /* Optional: bounds the values in a block, to skip it without reading. May be too wide, never too narrow; write
        0..1e18 if data may be invalid. */
     int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]);
-    /* Larger blocks that range_fn is asked for first: 1: of 64^3 voxels, 2: of 512^3, 3: both. Only non-empty ones are
-       divided. 0: none. Pays if range_fn has an index. */
+    /* First asks range_fn for larger blocks: 1: 64^3, 2: 512^3, 3: both. Pays if it has an index. */
     int range_levels;
     /* Instead of read_fn: writes the values at voxel centres; `positions` are packed triples in world space. */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
-    /* Non-zero: several workers may call read_fn, range_fn and eval_fn at once, in any order. They must lock whatever
-       they change. 0: only the calling thread calls them. Counts as set if read_fn is sps_grid_read and range_fn is
-       NULL or sps_grid_range. */
+    /* Non-zero: several workers may call read_fn, range_fn and eval_fn at once, in any order. They must lock what they
+       change. 0: only the calling thread does. Counts as set if read_fn is sps_grid_read and range_fn is NULL or
+       sps_grid_range. */
     int concurrent;
     /* Non-zero: keeps the voxels for the next call, if every volume has a revision and none has changed. */
     uint64_t revision;
@@ -318,26 +322,27 @@ typedef struct sps_volume {
     uint32_t end_canary;          /* leave 0 */
 } sps_volume;
 
-/* Storage of a voxel, in the machine's byte order. There is no default: 0 is an error. */
+/* Storage of a voxel, in the machine's byte order; 0 is an error. */
 typedef enum sps_voxel_format {
     SPS_VOXEL_U8 = 1, /* 0..255 */
     SPS_VOXEL_U16,    /* 0..65535 */
     SPS_VOXEL_F16,    /* IEEE 754 half precision */
     SPS_VOXEL_F32,    /* float */
-    SPS_VOXEL_I16     /* -32768..32767; `offset` must lift negative ones to 0 or more */
+    SPS_VOXEL_I16     /* -32768..32767 */
 } sps_voxel_format;
 
-/* A dense array of voxels in the caller's memory, for volumes without callbacks of their own:
+/* A dense array in memory, for volumes without callbacks of their own:
        volume.read_fn = sps_grid_read, volume.range_fn = sps_grid_range, volume.user = &grid;
    The caller owns the struct and its voxels, and must not change them until the call that reads them returns
    (sps_tmap_add: until sps_tmap_finish does). Volumes, contexts and threads may share a grid. */
 typedef struct sps_grid {
     uint32_t start_canary; /* leave 0 */
-    const void *voxels;    /* voxel (0,0,0); need not be aligned */
+    const void *voxels;    /* voxel (0,0,0) of the box; need not be aligned */
     sps_voxel_format format;
     int size[3];         /* voxels along x, y, z; must equal the volume's */
+    int border;          /* voxels stored beyond each side, at least the volume's border */
     ptrdiff_t stride[3]; /* bytes from one voxel to the next along x, y, z; may be negative. 0: packed, x fastest
-                            (voxel bytes, size[0] * |stride[0]|, size[1] * |stride[1]|) */
+                            (voxel bytes, (size[0] + 2 border) * |stride[0]|, then likewise) */
     float scale;         /* value = stored * scale + offset; 0 means 1; 1 / 255.0f maps a byte to 0..1 */
     float offset;
     uint32_t end_canary; /* leave 0 */
@@ -398,7 +403,7 @@ typedef struct sps_mesh {
     uint32_t end_canary; /* leave 0 */
 } sps_mesh;
 
-/* Indexed triangles in the caller's memory, for meshes without callbacks of their own:
+/* Indexed triangles in memory, for meshes without callbacks of their own:
        mesh.read_fn = sps_indexed_mesh_read, mesh.user = &indexed, mesh.triangle_count = indexed.triangle_count;
    The caller owns the struct and its arrays, under the rules of sps_grid. The arrays need not be aligned. */
 typedef struct sps_indexed_mesh {
@@ -454,21 +459,21 @@ typedef enum sps_tmap_technique {
     /* Every interval of every occluder: exact along the texels' rays, for reference. 16 bytes per interval and 4 per
        texel. No components. */
     SPS_TMAP_DEEP,
-    /* Deep shadow map [Lokovic & Veach 2000]: a polyline of transmittance, within `epsilon` along each texel's ray. If
+    /* Deep shadow map: a polyline of transmittance, within `epsilon` along each texel's ray. If
        n is 4, 6 .. 64: at most n / 2 nodes, no error bound [after Salvi et al. 2010]. 8 bytes per node and 4 per texel.
        Default: no components. */
     SPS_TMAP_COMPRESSED,
-    /* Optical depth at n planes, u = 1/n .. 1 or as set by `planes` [Kim & Neumann 2001]: exact there, bounded in
+    /* Optical depth at n planes, u = 1/n .. 1 or as set by `planes`: exact there, bounded in
        between. n 1..65, default 8. */
     SPS_TMAP_OPACITY,
     /* Deep opacity map, after [Yuksel & Keyser 2008]: planes span the texel's first to last occluder, whose u
        come first. Sharp for thin shells; no gain for two distant clumps. n 3..65, default 8. */
     SPS_TMAP_DEEP_OPACITY,
-    /* Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact at u = 1; before that, it rings by
+    /* Fourier series of extinction: a0 a1 b1 a2 b2 .. . Exact at u = 1; before that, it rings by
        up to 9 % of a step. Periodic: leave room at both ends of the range, or set texel_range. n 3, 5 .. 65, default 7;
        two more with texel_range. */
     SPS_TMAP_FOURIER,
-    /* 4 or 6 moments of extinction along the ray [Muenstermann et al. 2018]: the total, and the means of z .. z^(n-1)
+    /* 4 or 6 moments of extinction along the ray: the total, and the means of z .. z^(n-1)
        with z = 2u - 1. Queries return the middle of the implied bounds, and are slow. Blurs, never rings; exact at u =
        1. n 5 or 7, default 5. */
     SPS_TMAP_MOMENT,
@@ -647,8 +652,7 @@ typedef enum sps_scattering {
     /* MULTIPLE if the gas calls for it, else SINGLE, by sps_view.scattering_tolerance. Costs a test of each voxel. */
     SPS_SCATTERING_AUTO = 0,
     SPS_SCATTERING_SINGLE, /* single scattering */
-    /* Single scattering, plus an `ambient` per volume and particle set to approximate multiple scattering, at no cost.
-       [Ebert & Parent] */
+    /* Single scattering, plus an `ambient` per volume and particle set to approximate multiple scattering, at no cost. */
     SPS_SCATTERING_AMBIENT,
     /* Multiple scattering by small angles: a closed form in the optical depth and angle of the straight path from light
        to eye. Accurate for forward scattering; backscattered light is mostly missing. Cut off at an optical depth of
@@ -657,28 +661,26 @@ typedef enum sps_scattering {
     SPS_SCATTERING_FORWARD,
     /* FORWARD, plus sideways spreading from sheet to sheet of each light, by Gaussian kernels whose variance the phase
        function sets. Beams have halos; polygons receive this light and block it. Area lights spread as if from their
-       centre. Cached like MULTIPLE. Cost: another pass of sheets per light. [Zhang & Crawfis; Eyges 1948] */
+       centre. Cached like MULTIPLE. Cost: another pass of sheets per light. */
     SPS_SCATTERING_CONVOLUTION,
     /* Multiple scattering in every direction, on one to four grids of cubic cells around all gas. Adds backscattered
        light, light from gas to gas, emission and ambient light; small angles as in FORWARD. Opaque polygons block
        light between cells and reflect it by the mesh's albedo; translucent ones let it pass. Area lights illuminate
        cells from their centre; lights without shadows reach cells only via polygons. Cells are reused for any camera if
-       nothing else has changed, every volume and mesh has a revision, and no light has a projector. [Discrete
-       ordinates: Lebedev 1976, Wiscombe 1977] */
+       nothing else has changed, every volume and mesh has a revision, and no light has a projector. */
     SPS_SCATTERING_MULTIPLE
 } sps_scattering;
 
 /* How voxels fill the sheets of eye, lights and maps, and classified ones also cells and CONVOLUTION's sheets.
    Particles are always splatted. */
 typedef enum sps_filling {
-    /* The cheaper one for each volume and pass. The choice may change between frames, and the picture with it,
-       typically by 0.1 % for gas and 1 % if classified. Ignores memory_limit. */
+    /* The cheaper one for each volume and pass. The choice may change between frames, and the picture
+       slightly with it. Ignores memory_limit. */
     SPS_FILLING_AUTO = 0,
     /* Voxel by voxel: cost is proportional to relevant voxels. Surface shading needs GATHER's memory, for normals. */
     SPS_FILLING_SPLAT,
-    /* Pixel by pixel: cost is proportional to pixels times slabs; 4100 bytes per brick of 8^3 voxels (6900 at high and
-       ultra). Usually faster, unless voxels are sparse. Some volumes are splatted nevertheless: docs/manual.md,
-       section 4. */
+    /* Pixel by pixel: cost is proportional to pixels times slabs. Usually faster, unless voxels are sparse. Some
+       volumes are splatted nevertheless: docs/manual.md, section 4, which also has the memory. */
     SPS_FILLING_GATHER
 } sps_filling;
 
@@ -825,8 +827,7 @@ typedef struct sps_plan_report {
     sps_budget_report budget;
     /* Upper bound on the context's memory during sps_render, with image.depth and cached data. It excludes layers of
        pixels and texels, and lists of maps, which may be several times as much. At most twice the actual use if volumes
-       are cached, except when no triangle meets a light's depth map or scattered light is cached. If volumes are not
-       cached, they count as full boxes. */
+       are cached, except when no triangle meets a light's depth map or scattered light is cached. */
     size_t bytes;
 } sps_plan_report;
 
@@ -838,7 +839,7 @@ typedef struct sps_stats_report {
     double seconds_bin, seconds_light, seconds_cells, seconds_eye, seconds_total;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls, background_calls;
     uint64_t shade_calls;
-    uint64_t blocks_skipped; /* of 32^3 voxels; not read, because range_fn showed nothing relevant */
+    uint64_t blocks_skipped; /* of 32^3 voxels; empty by range_fn */
     uint64_t voxels_read, voxels_relevant, bricks, values_replaced;
     uint64_t triangles, triangles_degenerate, pixels_of_polygons;
     uint64_t surface_points; /* passed to shade_fn */
@@ -968,8 +969,8 @@ SPS_API void sps_get_stats(const sps_context *context, sps_stats_report *report)
 /* Returns a short lower-case name of a pass ("light sheets"), a static string; never NULL. */
 SPS_API const char *sps_pass_name(sps_pass pass);
 
-/* The read_fn and range_fn of a volume whose `user` is an sps_grid. sps_grid_range tests each voxel of the block, and
-   writes 0..1e18 if any is negative, above 1e18 or not finite. Threads: see sps_grid. If read_fn is sps_grid_read, the
+/* The read_fn and range_fn of a volume whose `user` is an sps_grid. sps_grid_range tests each voxel, and writes
+   0..1e18 if any is invalid. Threads: see sps_grid. If read_fn is sps_grid_read, the
    library checks the grid first and returns ARGUMENT; the codes are for callbacks that wrap these functions. Both
    return 0, or 1: a field of the grid is wrong (NULL, canary, size, format, scale, offset); 2: the block reaches beyond
    the grid. */
@@ -1121,6 +1122,7 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_SIZE_MAX       16384     /* pixels or texels on a side; its square fits an int */
 #define SPSI_SLABS_MAX      (1 << 20) /* lookups along rays still resolve 1/16 slab */
 #define SPSI_VOLUMES_MAX    64
+#define SPSI_BORDER_MAX     65536
 #define SPSI_SETS_MAX       64
 #define SPSI_MATERIALS_MAX  (SPSI_VOLUMES_MAX + SPSI_SETS_MAX)
 #define SPSI_LOBES_MAX      8
@@ -2660,6 +2662,48 @@ static inline spsi_v spsi_linear_slope_at(const spsi_linear *linear, spsi_v x, s
     return spsi_fma(x, spsi_set(slope[1]), spsi_fma(y, spsi_set(slope[2]), spsi_set(slope[0])));
 }
 
+/* Clips lines at + t * step to a box; range[0] > range[1]: missed. Lines along a face belong to the box behind it. */
+static inline void spsi_box_clip(const float faces[2][3], const spsi_v at[3], const spsi_v step[3], spsi_v range[2]) {
+    const spsi_v least = spsi_set(-SPSI_INFINITY), most = spsi_set(SPSI_INFINITY);
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    const spsi_v longest = spsi_max(spsi_abs(step[0]), spsi_max(spsi_abs(step[1]), spsi_abs(step[2])));
+    range[0] = least;
+    range[1] = most;
+    for (int k = 0; k < 3; ++k) {
+        const spsi_v low = spsi_sub(spsi_set(faces[0][k]), at[k]), high = spsi_sub(spsi_set(faces[1][k]), at[k]);
+        const spsi_m parallel = spsi_less(spsi_abs(step[k]), spsi_mul(longest, spsi_set(1e-7f)));
+        const spsi_v over = spsi_div(one, spsi_select(parallel, one, step[k]));
+        const spsi_v a = spsi_mul(low, over), b = spsi_mul(high, over);
+        const spsi_v missed = spsi_select(spsi_less(zero, low), most, spsi_select(spsi_less(zero, high), least, most));
+        range[0] = spsi_max(range[0], spsi_select(parallel, missed, spsi_min(a, b)));
+        range[1] = spsi_min(range[1], spsi_select(parallel, spsi_sub(zero, missed), spsi_max(a, b)));
+    }
+}
+
+/* A classified volume's crop, in voxels along a target's rays. */
+typedef struct spsi_crop {
+    int exists;
+    spsi_linear at[3];
+    float faces[2][3];
+} spsi_crop;
+
+/* Depths at which rays enter and leave. */
+static void spsi_crop_range(const spsi_crop *crop, spsi_v x, float y, spsi_v range[2]) {
+    spsi_v at[3], step[3];
+    for (int k = 0; k < 3; ++k) {
+        at[k] = spsi_linear_base(&crop->at[k], x, y);
+        step[k] = spsi_linear_slope(&crop->at[k], x, y);
+    }
+    spsi_box_clip(crop->faces, at, step, range);
+}
+
+/* Fraction of the depths between a and b that lies in a range. */
+static inline spsi_v spsi_range_fraction(const spsi_v range[2], spsi_v a, spsi_v b) {
+    const spsi_v low = spsi_min(a, b), high = spsi_max(a, b), length = spsi_max(spsi_sub(high, low), spsi_set(FLT_MIN));
+    const spsi_v inside = spsi_sub(spsi_min(high, range[1]), spsi_max(low, range[0]));
+    return spsi_clamp(spsi_div(inside, length), spsi_set(0), spsi_set(1));
+}
+
 typedef struct spsi_row_linears {
     spsi_v base[3], slope[3];
 } spsi_row_linears;
@@ -3845,8 +3889,19 @@ SPSI_COLD int spsi_components_of(const sps_tmap_settings *settings) {
    9  The frame: checked scene and view, all defaults resolved; later chapters need not interpret zeros. Only shadow
    resolutions may stay 0 until media have been read. */
 
+/* A cropped volume's field is cut by a box. Gas is cut as sheets are filled: gathered integrals are clipped, splatted
+   voxels weighted by their kernel's fraction inside. Sheets of classified values stay whole; the depths that they stand
+   for are clipped. Both add up: volumes cut at a common face are the uncut volume. */
+typedef enum spsi_crop_kind {
+    SPSI_CROP_NONE = 0,
+    SPSI_CROP_GAS,
+    SPSI_CROP_CLASSIFIED
+} spsi_crop_kind;
+
 typedef struct spsi_lattice {
     int medium;
+    spsi_crop_kind cropped;
+    double crop[2][3]; /* low and high faces, in voxels */
     double corner[3];  /* world corner of voxel (0,0,0) */
     double step[3][3]; /* voxel edges in world space */
     double voxel_volume;
@@ -4194,8 +4249,10 @@ static void spsi_bounds_add(spsi_bounds *bounds, const double point[3]) {
 }
 
 SPSI_COLD void spsi_bounds_join(spsi_bounds *bounds, const spsi_bounds *other) {
-    spsi_bounds_add(bounds, other->low);
-    spsi_bounds_add(bounds, other->high);
+    for (int i = 0; i < 3; ++i) { /* an empty `other` changes nothing */
+        if (other->low[i] < bounds->low[i]) bounds->low[i] = other->low[i];
+        if (other->high[i] > bounds->high[i]) bounds->high[i] = other->high[i];
+    }
 }
 
 SPSI_COLD void spsi_bounds_corner(const spsi_bounds *bounds, int corner, double point[3]) {
@@ -4262,8 +4319,28 @@ SPSI_COLD sps_result spsi_check_placement(const spsi_subject *at, const sps_plac
     return at->context->result;
 }
 
+SPSI_COLD int spsi_volume_is_cropped(const sps_volume *volume) {
+    int any = 0;
+    for (int k = 0; k < 6; ++k) any |= volume->crop[k];
+    return any != 0;
+}
+
 SPSI_COLD int spsi_volume_present(const sps_volume *volume) {
-    return volume->size[0] > 0 && volume->size[1] > 0 && volume->size[2] > 0;
+    const int cropped = spsi_volume_is_cropped(volume);
+    int present = 1;
+    for (int k = 0; k < 3; ++k)
+        present &= volume->size[k] > 0 && (!cropped || volume->crop[k] < volume->crop[3 + k]);
+    return present;
+}
+
+SPSI_COLD sps_result spsi_check_crop(const spsi_subject *at, const sps_volume *volume) {
+    for (int k = 0; k < 6; ++k)
+        if (volume->crop[k] < 0 || volume->crop[k] > volume->size[k % 3])
+            return spsi_wrong(at, "crop", volume->crop[k], "it must be 0..size along each axis");
+    for (int k = 0; k < 3; ++k)
+        if (volume->crop[k] > volume->crop[3 + k])
+            return spsi_wrong(at, "crop", volume->crop[k], "a low face must not lie above the high one");
+    return SPS_OK;
 }
 
 SPSI_COLD sps_result spsi_check_lobes(const spsi_subject *at, const sps_lobe *lobes, int count) {
@@ -4290,6 +4367,7 @@ SPSI_COLD sps_result spsi_check_array(const spsi_subject *at, const sps_volume *
     if (!grid->voxels) return spsi_wrong_that(&part, "voxels", 0, SPSI_IS_NULL);
     const spsi_bounded numbers[] = {
         {"format", (double)(int)grid->format, SPS_VOXEL_U8, SPS_VOXEL_I16, "it must be an sps_voxel_format"},
+        {"border", (double)grid->border, (double)volume->border, SPSI_BORDER_MAX, "it must be the volume's border..65536"},
         {"offset", (double)grid->offset, -(double)FLT_MAX, (double)FLT_MAX, "it must be finite"},
         {"scale", (double)grid->scale, -(double)FLT_MAX, (double)FLT_MAX, "it must be finite"}};
     for (int k = 0; k < 3; ++k)
@@ -4307,10 +4385,12 @@ SPSI_COLD sps_result spsi_check_volume(sps_context *context, const sps_volume *v
         {"specular", (double)volume->specular, 0, 1, "it must be 0..1"},
         {"shininess", (double)volume->shininess, 0, 1e4, "it must be 0..10000"},
         {"shading", (double)(int)volume->shading, 0, SPS_SHADING_SURFACE, "it must be an sps_shading"},
-        {"range_levels", volume->range_levels, 0, 3, "it must be 0..3"}};
+        {"range_levels", (double)volume->range_levels, 0, 3, "it must be 0..3"},
+        {"border", (double)volume->border, 0, SPSI_BORDER_MAX, "it must be 0..65536"}};
     spsi_check_canaries(&at, volume->start_canary, volume->end_canary);
     for (int k = 0; k < 3; ++k)
         if (size[k] < 0 || size[k] > 65536) spsi_wrong(&at, "size", size[k], "it must be 0..65536");
+    if (size[0] > 0 && size[1] > 0 && size[2] > 0) spsi_check_crop(&at, volume);
     if (context->result || !spsi_volume_present(volume)) return context->result;
     if (spsi_check_either(&at, "read_fn", "eval_fn", volume->read_fn != NULL, volume->eval_fn != NULL))
         return context->result;
@@ -4830,14 +4910,32 @@ SPSI_COLD sps_result spsi_medium_place(sps_context *context, const sps_volume *v
                       "it is too small for the numbers in use");
 }
 
+/* Voxels read around a crop: enough for levels whose voxels are up to 1/36 of its longest edge, 4.5 voxels beyond. */
+#define SPSI_CROP_ROOM 8
+
+/* Sets the voxels to read, and the faces that cut the field. */
+SPSI_COLD void spsi_medium_crop(const sps_volume *volume, spsi_medium *medium) {
+    const int cropped = spsi_volume_is_cropped(volume);
+    int longest = 0, crop[6];
+    for (int k = 0; k < 6; ++k) crop[k] = cropped ? volume->crop[k] : k < 3 ? 0 : volume->size[k - 3];
+    for (int k = 0; k < 3; ++k) longest = spsi_imax(longest, crop[3 + k] - crop[k]);
+    for (int k = 0; k < 3; ++k) {
+        const int room = cropped ? SPSI_CROP_ROOM + longest / 8 : SPSI_BORDER_MAX;
+        medium->low[k] = spsi_imax(-volume->border, crop[k] - room);
+        medium->high[k] = spsi_imin(volume->size[k] + volume->border, crop[3 + k] + room);
+        medium->lattice->crop[0][k] = crop[k];
+        medium->lattice->crop[1][k] = crop[3 + k];
+    }
+    medium->lattice->cropped = !cropped && volume->border == 0 ? SPSI_CROP_NONE
+                               : volume->transfer && !volume->classify_voxels ? SPSI_CROP_CLASSIFIED
+                                                                              : SPSI_CROP_GAS;
+}
+
 SPSI_COLD void spsi_medium_build(const sps_volume *volume, int index, spsi_lattice *lattice, spsi_medium *medium) {
     medium->given = *volume;
     medium->index = index;
     medium->lattice = lattice;
-    for (int k = 0; k < 3; ++k) {
-        medium->low[k] = 0;
-        medium->high[k] = volume->size[k];
-    }
+    spsi_medium_crop(volume, medium);
     if (volume->read_fn == sps_grid_read && (!volume->range_fn || volume->range_fn == sps_grid_range))
         medium->given.concurrent = 1;
 }
@@ -4846,7 +4944,8 @@ SPSI_COLD void spsi_medium_build(const sps_volume *volume, int index, spsi_latti
 static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bounds *bounds) {
     SPSI_ROLLED for (int corner = 0; corner < 8; ++corner) {
         double at[3], point[3];
-        for (int k = 0; k < 3; ++k) at[k] = corner >> k & 1 ? medium->given.size[k] + margin : -margin;
+        for (int k = 0; k < 3; ++k)
+            at[k] = corner >> k & 1 ? medium->lattice->crop[1][k] + margin : medium->lattice->crop[0][k] - margin;
         spsi_voxel_position(medium->lattice, at, point);
         spsi_bounds_add(bounds, point);
     }
@@ -5531,7 +5630,8 @@ typedef struct spsi_block_walk {
 } spsi_block_walk;
 
 /* asks: use parents. */
-SPSI_COLD void spsi_blocks_begin(const spsi_medium *medium, const spsi_material *material, int asks, spsi_block_walk *walk) {
+SPSI_COLD void spsi_blocks_begin(const spsi_medium *medium, const spsi_material *material, int asks,
+                                 spsi_block_walk *walk) {
     const int parents = asks && medium->given.range_fn ? medium->given.range_levels : 0;
     memset(walk, 0, sizeof *walk);
     walk->medium = medium;
@@ -5915,6 +6015,10 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
         const spsi_lattice *lattice = medium->lattice;
         if (volume->revision == 0) return 0;
         hash = spsi_fingerprint(hash, volume->size, sizeof volume->size);
+        hash = spsi_fingerprint(hash, medium->low, sizeof medium->low);
+        hash = spsi_fingerprint(hash, medium->high, sizeof medium->high);
+        hash = spsi_fingerprint(hash, lattice->crop, sizeof lattice->crop);
+        hash = spsi_fingerprint(hash, &lattice->cropped, sizeof lattice->cropped);
         hash = spsi_fingerprint(hash, &volume->user, sizeof volume->user);
         hash = spsi_fingerprint(hash, &volume->read_fn, sizeof volume->read_fn);
         hash = spsi_fingerprint(hash, &volume->eval_fn, sizeof volume->eval_fn);
@@ -5929,13 +6033,23 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     return hash | 1;
 }
 
+/* Empty beyond a crop's reach. */
 SPSI_COLD void spsi_brick_bounds(const spsi_frame *frame, const spsi_brick *brick, spsi_bounds *bounds) {
+    const spsi_lattice *lattice = &frame->lattices[brick->lattice];
+    double ends[2][3];
     *bounds = spsi_nowhere;
+    for (int k = 0; k < 3; ++k) {
+        ends[0][k] = brick->base[k] + 0.5 + (brick->low[k] - SPSI_REACH);
+        ends[1][k] = brick->base[k] + 0.5 + (brick->high[k] + SPSI_REACH);
+        if (lattice->cropped == SPSI_CROP_NONE) continue;
+        ends[0][k] = spsi_dmax(ends[0][k], lattice->crop[0][k] - SPSI_REACH);
+        ends[1][k] = spsi_dmin(ends[1][k], lattice->crop[1][k] + SPSI_REACH);
+        if (!(ends[0][k] < ends[1][k])) return;
+    }
     for (int corner = 0; corner < 8; ++corner) {
         double at[3], point[3];
-        for (int k = 0; k < 3; ++k)
-            at[k] = brick->base[k] + 0.5 + (corner >> k & 1 ? brick->high[k] + SPSI_REACH : brick->low[k] - SPSI_REACH);
-        spsi_voxel_position(&frame->lattices[brick->lattice], at, point);
+        for (int k = 0; k < 3; ++k) at[k] = ends[corner >> k & 1][k];
+        spsi_voxel_position(lattice, at, point);
         spsi_bounds_add(bounds, point);
     }
 }
@@ -10134,6 +10248,7 @@ typedef struct spsi_tile {
     int x0, y0, x1, y1;     /* inclusive */
     int pitch;              /* floats per row */
     int slab_count;         /* a chunk and its margins */
+    int first_slab;         /* number of its first slab */
     int clamped;            /* 1: `limits` or the near plane may cut sections */
     float nearest_limit;    /* minimum in the tile */
     const spsi_hit *limits; /* polygons of the image; NULL: none */
@@ -10638,8 +10753,40 @@ static inline void spsi_footprints_even(const spsi_splatter *s, spsi_footprints 
                                                spsi_pixels_sum(f->y, f->half_height, per_cut, alone))));
 }
 
+/* Values of a brick's voxels, for sums over kernels. A cropped gas's are multiplied by the kernels' fractions inside,
+   in `cut`. Returns NULL if all of these are 0. */
+static const float *spsi_brick_values(const spsi_lattice *lattice, const spsi_segment *segment, const spsi_brick *brick,
+                                      float cut[SPSI_BRICK * SPSI_BRICK * SPSI_BRICK + SPSI_PADDING]) {
+    float fraction[3][SPSI_BRICK];
+    int whole = 1;
+    if (lattice->cropped != SPSI_CROP_GAS) return segment->value + brick->first;
+    for (int k = 0; k < 3; ++k) {
+        float most = 0;
+        for (int i = brick->low[k]; i <= brick->high[k]; ++i) {
+            const double at = brick->base[k] + i + 0.5;
+            const float low = (float)((lattice->crop[0][k] - at) / SPSI_REACH);
+            const float high = (float)((lattice->crop[1][k] - at) / SPSI_REACH);
+            const spsi_v inside =
+                spsi_sub(spsi_kernel_fraction(spsi_set(high)), spsi_kernel_fraction(spsi_set(low)));
+            fraction[k][i] = spsi_fmax(spsi_one(inside), 0);
+            most = spsi_fmax(most, fraction[k][i]);
+            whole &= low <= -1 && high >= 1;
+        }
+        if (!(most > 0)) return NULL;
+    }
+    if (whole) return segment->value + brick->first;
+    for (int i = 0; i < brick->count; ++i) {
+        cut[i] = segment->value[brick->first + i];
+        for (int k = 0; k < 3; ++k) cut[i] *= fraction[k][spsi_segment_step(segment, brick->first + i, k)];
+    }
+    for (int i = 0; i < SPSI_PADDING; ++i) cut[brick->count + i] = 0;
+    return cut;
+}
+
+/* values: of the brick's voxels. */
 static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi_brick_origin *origin,
-                             const spsi_segment *segment, const spsi_brick *brick, float *channel) {
+                             const spsi_segment *segment, const spsi_brick *brick, const float *values,
+                             float *channel) {
     const spsi_v reach = spsi_set(s->reach_slabs);
     spsi_footprints f;
     spsi_footprint print = {tile, s, &f, 0, channel};
@@ -10649,7 +10796,7 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
     for (int i = 0; i < brick->count; i += SPSI_LANES) {
         const int at = brick->first + i;
         const int all = brick->count - i < SPSI_LANES ? (1 << (brick->count - i)) - 1 : SPSI_ALL_LANES;
-        const spsi_v value = spsi_load(segment->value + at);
+        const spsi_v value = spsi_load(values + i);
         spsi_v steps[3], q[3], depth, slab;
         spsi_segment_steps(segment, at, steps);
         spsi_voxels_place(s, origin, steps, q, &depth, &slab);
@@ -10812,12 +10959,12 @@ static inline int spsi_deposits_inside(const spsi_deposit *deposit, const spsi_v
 }
 
 static void spsi_deposit_brick(const spsi_deposit *deposit, const spsi_segment *segment, const spsi_brick *brick,
-                               float *channel) {
+                               const float *values, float *channel) {
     const spsi_splatter *s = deposit->splatter;
     const spsi_v one = spsi_set(1);
     for (int i = 0; i < brick->count; i += SPSI_LANES) {
         const int at = brick->first + i, count = spsi_imin(SPSI_LANES, brick->count - i);
-        spsi_v mass = spsi_mul(spsi_load(segment->value + at), spsi_set(s->mass)), steps[3], q[3], depth, slab;
+        spsi_v mass = spsi_mul(spsi_load(values + i), spsi_set(s->mass)), steps[3], q[3], depth, slab;
         spsi_deposit_weights shares;
         spsi_segment_steps(segment, at, steps);
         spsi_voxels_place(s, deposit->origin, steps, q, &depth, &slab);
@@ -11524,6 +11671,9 @@ typedef struct spsi_sampler {
     float near_d;     /* t where rays begin, minus depth_reference */
     float scale;      /* factor on values */
     float rows[3][3]; /* coordinates per world unit, times the cube root of a voxel's volume */
+    int cropped;      /* 1: integrals are clipped to `crop` */
+    float crop[2][3]; /* low and high faces */
+    int begins;       /* 1: and to `near_d`, since rays may begin inside */
 } spsi_sampler;
 
 typedef struct spsi_taps {
@@ -11662,6 +11812,7 @@ static void spsi_sampler_gradient(const spsi_sampler *t, const spsi_v place[3], 
 typedef struct spsi_sampler_line {
     spsi_v start[3], step[3]; /* sample 0, half a step into the first slab; step */
     spsi_v first, end;        /* range of samples */
+    spsi_v crop[2];           /* where it enters and leaves a crop, in samples; set if cropped */
 } spsi_sampler_line;
 
 /* A vector of rays. Slab s begins at depth (s - base) * per_slab. */
@@ -11701,6 +11852,25 @@ static inline void spsi_sampler_line_build(const spsi_sampler *t, const spsi_til
     line->first = spsi_set(-1);
     line->end = spsi_set((float)(tile->slab_count * t->steps + 1));
     spsi_sampler_line_clip(t->field, line);
+    if (!t->cropped) return;
+    spsi_box_clip(t->crop, line->start, line->step, line->crop);
+    if (!t->begins) return;
+    const spsi_v near_slab = spsi_fma(spsi_set(t->near_d), spsi_linear_slope_at(&t->slab, x, y), base);
+    const spsi_v begin = spsi_fma(near_slab, spsi_set((float)t->steps), spsi_set(-0.5f));
+    const spsi_m rises = spsi_less(spsi_set(0), per_slab);
+    line->crop[0] = spsi_select(rises, spsi_max(line->crop[0], begin), line->crop[0]);
+    line->crop[1] = spsi_select(rises, line->crop[1], spsi_min(line->crop[1], begin));
+}
+
+/* Leaves out samples beyond the crop, except those that shape its outermost steps. */
+static inline void spsi_sampler_rays_crop(spsi_sampler_rays *rays) {
+    const spsi_sampler_line *other = &rays->lines[rays->alternates];
+    const spsi_v low = spsi_sub(spsi_min(rays->lines[0].crop[0], other->crop[0]), spsi_set(1.5f));
+    const spsi_v high = spsi_add(spsi_max(rays->lines[0].crop[1], other->crop[1]), spsi_set(1.5f));
+    SPSI_ROLLED for (int n = 0; n <= rays->alternates; ++n) {
+        rays->lines[n].first = spsi_max(rays->lines[n].first, low);
+        rays->lines[n].end = spsi_min(rays->lines[n].end, high);
+    }
 }
 
 static inline void spsi_sampler_rays_build(const spsi_sampler *t, const spsi_tile *tile, spsi_v x, spsi_v y, int part,
@@ -11713,6 +11883,7 @@ static inline void spsi_sampler_rays_build(const spsi_sampler *t, const spsi_til
     x = spsi_add(x, right);
     spsi_sampler_line_build(t, tile, x, spsi_add(y, down), &rays->lines[0]);
     if (rays->alternates) spsi_sampler_line_build(t, tile, x, spsi_sub(y, down), &rays->lines[1]);
+    if (t->cropped) spsi_sampler_rays_crop(rays);
     if (!rays->alternates) y = spsi_add(y, down);
     rays->base = spsi_linear_base_at(&t->slab, x, y);
     rays->per_slab = spsi_div(spsi_set(1), spsi_linear_slope_at(&t->slab, x, y));
@@ -11762,10 +11933,13 @@ static inline int spsi_sampler_inside(const spsi_pyramid_level *field, const sps
     return lanes;
 }
 
+/* Maximum samples per slab. A cropped volume is not splatted instead, however thick slabs are. */
+static inline float spsi_sampler_most(const spsi_sampler *t) { return t->cropped ? 1024 : SPSI_SAMPLER_MOST; }
+
 static float spsi_sampler_part(const spsi_sampler *t, const spsi_sampler_rays *rays, int lane, float from, float to,
                                uint64_t *samples) {
     const float share = (to - from) / fabsf(spsi_lane(rays->per_slab, lane)) * (float)t->steps;
-    const int count = spsi_imax(1, (int)ceilf(spsi_fmin(share, SPSI_SAMPLER_MOST)));
+    const int count = spsi_imax(1, (int)ceilf(spsi_fmin(share, spsi_sampler_most(t))));
     const float step = (to - from) / (float)count;
     float sum = 0;
     for (int n = 0; n < count; n += SPSI_LANES) {
@@ -11869,6 +12043,63 @@ static void spsi_sampler_add(const spsi_sampler *t, spsi_tile *tile, const spsi_
     }
 }
 
+/* Integral of the parabola through three samples over the part of step n inside the crop. Over whole steps, these sum
+   to the midpoint rule with end correction. */
+static inline spsi_v spsi_sampler_clipped(const spsi_sampler_line *line, int n, spsi_v before, spsi_v here,
+                                          spsi_v after) {
+    const spsi_v number = spsi_set((float)n), least = spsi_set(-0.5f), most = spsi_set(0.5f);
+    const spsi_v a = spsi_clamp(spsi_sub(line->crop[0], number), least, most);
+    const spsi_v b = spsi_max(spsi_clamp(spsi_sub(line->crop[1], number), least, most), a), sum = spsi_add(a, b);
+    const spsi_v slope = spsi_mul(spsi_sub(after, before), spsi_set(0.25f));
+    const spsi_v bend = spsi_mul(spsi_sub(spsi_add(before, after), spsi_add(here, here)), spsi_set(1.0f / 6));
+    const spsi_v squares = spsi_fma(b, sum, spsi_mul(a, a)); /* a^2 + a b + b^2 */
+    return spsi_mul(spsi_fma(bend, squares, spsi_fma(slope, sum, here)), spsi_sub(b, a));
+}
+
+/* Mask of rays that need sample n, for its step or a neighbour's. */
+static inline int spsi_sampler_need(const spsi_sampler_rays *rays, int n, int steps) {
+    int need = 0;
+    for (int k = n - 1; k <= n + 1; ++k) need |= rays->by_slab[1 + spsi_imax(-1, (k + 2 * steps) / steps - 2)];
+    return need;
+}
+
+/* spsi_sampler_add for a cropped volume. */
+static void spsi_sampler_add_cropped(const spsi_sampler *t, spsi_tile *tile, const spsi_sampler_rays *rays,
+                                     float *sheets, size_t at, size_t size) {
+    const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale / (float)t->steps));
+    const int steps = t->steps, cuts = tile->clamped && !t->whole;
+    spsi_v range[2];
+    int slabs[2];
+    spsi_sampler_slabs(t, rays, tile->slab_count, slabs);
+    if (slabs[0] >= slabs[1]) return;
+    int n = slabs[0] * steps;
+    spsi_v before = spsi_sampler_sample(t, rays, n - 1, spsi_sampler_need(rays, n - 1, steps), &tile->samples);
+    spsi_v here = spsi_sampler_sample(t, rays, n, spsi_sampler_need(rays, n, steps), &tile->samples);
+    spsi_box_clip(t->crop, rays->at, rays->change, range);
+    at += (size_t)slabs[0] * size;
+    for (int slab = slabs[0]; slab < slabs[1]; ++slab, at += size) {
+        const int need = rays->lanes & rays->by_slab[1 + slab];
+        spsi_v sum = spsi_set(0);
+        for (; n < (slab + 1) * steps; ++n) {
+            const spsi_v next =
+                spsi_sampler_sample(t, rays, n + 1, spsi_sampler_need(rays, n + 1, steps), &tile->samples);
+            sum = spsi_add(sum, spsi_sampler_clipped(&rays->lines[n & rays->alternates], n, before, here, next));
+            before = here;
+            here = next;
+        }
+        sum = spsi_mul(sum, weight);
+        if (cuts) {
+            const spsi_v a = spsi_mul(spsi_sub(spsi_set((float)slab), rays->base), rays->per_slab);
+            const spsi_v b = spsi_add(a, rays->per_slab);
+            const spsi_v enter = spsi_max(spsi_min(a, b), range[0]), leave = spsi_min(spsi_max(a, b), range[1]);
+            sum = spsi_sampler_cut(t, rays, need, enter, leave, sum, &tile->samples);
+        }
+        sum = spsi_select(spsi_less(spsi_set(0), sum), sum, spsi_set(0));
+        if (rays->lanes & ~need) sum = spsi_only(sum, need);
+        spsi_store(sheets + at, spsi_add(spsi_load(sheets + at), sum));
+    }
+}
+
 static void spsi_sampler_row(const spsi_sampler *t, spsi_tile *tile, int x, int y, int lanes, const int *by_slab,
                              float *sheets) {
     const size_t at = (size_t)((y - tile->y0) * tile->pitch + x - tile->x0);
@@ -11879,7 +12110,10 @@ static void spsi_sampler_row(const spsi_sampler *t, spsi_tile *tile, int x, int 
         rays.lanes = lanes;
         rays.by_slab = by_slab;
         if (tile->clamped && !t->whole) spsi_sampler_rays_limit(t, tile, x, y, &rays);
-        spsi_sampler_add(t, tile, &rays, sheets, at, tile->sheet_size);
+        if (t->cropped)
+            spsi_sampler_add_cropped(t, tile, &rays, sheets, at, tile->sheet_size);
+        else
+            spsi_sampler_add(t, tile, &rays, sheets, at, tile->sheet_size);
     }
 }
 
@@ -12034,8 +12268,12 @@ static uint32_t spsi_sampler_patch_thirds(const spsi_sampler *t, const spsi_tile
         const spsi_v least = spsi_set(-SPSI_INFINITY), most = spsi_set(SPSI_INFINITY);
         spsi_sampler_boxes boxes = {{most, most, most}, {least, least, least}, most, least};
         for (int corner = 0; corner < 4; ++corner) spsi_sampler_boxes_extend(t, patch, corner, slab, beyond, &boxes);
-        whole |= (uint32_t)spsi_bits(spsi_and(spsi_less(spsi_set(range[0]), boxes.begin),
-                                              spsi_less(boxes.end, spsi_set(range[1])))) << first;
+        int inside = spsi_bits(spsi_and(spsi_less(spsi_set(range[0]), boxes.begin),
+                                        spsi_less(boxes.end, spsi_set(range[1]))));
+        for (int k = 0; k < 3 && t->cropped; ++k)
+            inside &= spsi_bits(spsi_and(spsi_less(spsi_set(t->crop[0][k]), boxes.low[k]),
+                                         spsi_less(boxes.high[k], spsi_set(t->crop[1][k]))));
+        whole |= (uint32_t)inside << first;
         spsi_store(bends + first, spsi_sampler_boxes_thirds(t, &boxes));
     }
     return whole;
@@ -12110,7 +12348,10 @@ static void spsi_sampler_patch_add(const spsi_sampler *t, spsi_tile *tile, const
             spsi_sampler_rays rays;
             spsi_sampler_rays_build(t, tile, x, y, part, &rays);
             rays.by_slab = by_slab;
-            spsi_sampler_add(t, tile, &rays, sums, (size_t)n, 16);
+            if (t->cropped)
+                spsi_sampler_add_cropped(t, tile, &rays, sums, (size_t)n, 16);
+            else
+                spsi_sampler_add(t, tile, &rays, sums, (size_t)n, 16);
         }
     spsi_sampler_patch_spread(tile, patch, sums, sheets);
 }
@@ -12131,7 +12372,7 @@ static float spsi_sampler_crossed(const spsi_sampler *t, const spsi_tile *tile) 
 
 /* Samples per slab for a path of `way` voxels. */
 static int spsi_sampler_steps(const spsi_sampler *t, float way) {
-    const float steps = ceilf(spsi_fmin(way / (float)spsi_sampler_step(t->fields), SPSI_SAMPLER_MOST));
+    const float steps = ceilf(spsi_fmin(way / (float)spsi_sampler_step(t->fields), spsi_sampler_most(t)));
     return t->lone ? 1 : spsi_imax(1, (int)steps);
 }
 
@@ -12156,6 +12397,11 @@ SPSI_COLD void spsi_sampler_build(const spsi_pyramid *fields, const spsi_lattice
         for (int i = 0; i < 3; ++i) sampler->rows[k][i] = (float)(rows[k][i] * edge);
         spsi_linear_build(rays, rows[k], lattice->corner, -0.5 - SPSI_BRICK * sampler->field->low[k], &sampler->at[k]);
     }
+    sampler->cropped = lattice->cropped == SPSI_CROP_GAS;
+    sampler->begins = rays->perspective;
+    for (int n = 0; n < 6; ++n)
+        sampler->crop[n / 3][n % 3] =
+            (float)(lattice->crop[n / 3][n % 3] / (1 << level) - 0.5 - SPSI_BRICK * sampler->field->low[n % 3]);
     spsi_linear_of_slabs(rays, slabs, &sampler->slab);
     sampler->near_d = spsi_rays_begin(rays);
 }
@@ -12191,7 +12437,8 @@ typedef enum spsi_fill_choice {
     SPSI_SPLAT_MASS, /* media in cells: samples would lose mass */
     SPSI_DEPOSITED,  /* media in cells: voxels smaller than samples */
     SPSI_GATHER_ASKED,
-    SPSI_GATHER_CHEAPER
+    SPSI_GATHER_CHEAPER,
+    SPSI_GATHER_CROPPED /* footprints would blur the faces */
 } spsi_fill_choice;
 
 static inline int spsi_gathers(spsi_fill_choice verdict) { return verdict >= SPSI_GATHER_ASKED; }
@@ -12237,7 +12484,8 @@ SPSI_COLD spsi_fill_choice spsi_sampler_serves_at(spsi_sampler *sampler, const s
     sampler->least = spsi_fmin(sampler->least, (float)(variance * 4 / (sampler->side * sampler->side)));
     sampler->widest = spsi_fmax(sampler->widest, (float)widest);
     spsi_sampler_longest(sampler, rays, q, way);
-    if (!(sqrt(spsi_dot(way, way)) <= SPSI_SAMPLER_MOST * spsi_sampler_step(sampler->fields)) && !sampler->lone)
+    if (!(sqrt(spsi_dot(way, way)) <= (double)spsi_sampler_most(sampler) * spsi_sampler_step(sampler->fields)) &&
+        !sampler->lone)
         return SPSI_SPLAT_THICK;
     return SPSI_GATHER_ASKED;
 }
@@ -12262,7 +12510,7 @@ SPSI_COLD spsi_fill_choice spsi_sampler_serves(spsi_sampler *sampler, const spsi
         double q[3];
         spsi_sampler_point(sampler, lattice, rays, corner, q);
         spsi_fill_choice verdict = spsi_sampler_serves_at(sampler, rays, splatter, q);
-        if (!spsi_gathers(verdict)) return verdict;
+        if (!spsi_gathers(verdict) && !(verdict == SPSI_SPLAT_NEAR && sampler->cropped)) return verdict;
     }
     return SPSI_GATHER_ASKED;
 }
@@ -12386,6 +12634,7 @@ SPSI_COLD spsi_fill_choice spsi_sampler_judge(const spsi_frame *frame, const sps
     sampler->whole = splatter->whole;
     if (frame->view.filling == SPS_FILLING_SPLAT) return SPSI_SPLAT_ASKED;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
+    if (sampler->cropped) return SPSI_GATHER_CROPPED;
     if (spsi_medium_depth(frame, lattice) > SPSI_SAMPLER_OPAQUE) return SPSI_SPLAT_OPAQUE;
     return chosen > 0 || spsi_sampler_pays(sampler, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
 }
@@ -12417,7 +12666,7 @@ static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, c
         if (!spsi_gathers(verdict)) continue;
         if (chooses) sampler.mix = spsi_levels_mix(frame, m, &sampler);
         if (chooses) frame->content->levels[m] = (float)sampler.level + sampler.mix;
-        for (int n = 0; n < 9 && (sampler.level > 0 || sampler.mix > 0); ++n) {
+        for (int n = 0; n < 9 && !sampler.cropped && (sampler.level > 0 || sampler.mix > 0); ++n) {
             const double reach = fabs(lattice->step[n / 3][n % 3]) * (spsi_sampler_reach(&sampler) - SPSI_REACH);
             bounds->low[n % 3] -= reach;
             bounds->high[n % 3] += reach;
@@ -12436,6 +12685,35 @@ static void spsi_levels_choose(const spsi_frame *frame) {
     spsi_levels_extend(frame, &content->eye, &slabs, 1);
 }
 
+/* Voxels beyond a cut that matter to samples before it. Parabolas reach a sample beyond; classified ones, two slabs and
+   the visible voxels around. */
+SPSI_COLD int spsi_border_needed(const spsi_frame *frame, int medium) {
+    const spsi_pyramid *fields = frame->content->fields;
+    const int classified = frame->lattices[medium].cropped == SPSI_CROP_CLASSIFIED;
+    const double level = ceil(spsi_dmax(0, (double)frame->content->levels[medium]));
+    if (!fields) return classified ? 6 : 3;
+    const double reach = fields->taps / 2.0 + spsi_sampler_step(fields) + (level > 0 ? 1.5 : 0);
+    return (int)ceil(reach * pow(2, level)) + (classified ? 4 : 0);
+}
+
+/* Warns where a border is narrower than that. */
+SPSI_COLD void spsi_borders_check(const sps_context *context, const spsi_frame *frame) {
+    for (int m = 0; m < frame->medium_count; ++m) {
+        const spsi_medium *medium = &frame->media[m];
+        const int border = medium->given.border, needed = spsi_border_needed(frame, m);
+        double room = HUGE_VAL;
+        char text[128];
+        for (int k = 0; k < 3; ++k) {
+            room = spsi_dmin(room, medium->lattice->crop[0][k] + border);
+            room = spsi_dmin(room, medium->given.size[k] + border - medium->lattice->crop[1][k]);
+        }
+        if (border == 0 || room >= needed) continue;
+        SPS_SNPRINTF(text, sizeof text, "volume[%d].border is %d; this view needs %.0f for a cut without a trace",
+                     medium->index, border, border + needed - room);
+        spsi_tell(context, text);
+    }
+}
+
 /* --- building pyramids --- */
 
 /* Taps per axis. At medium quality, slab errors exceed the truncation error of 4 taps. */
@@ -12447,9 +12725,11 @@ static int spsi_pyramids_wanted(const spsi_frame *frame) {
     return spsi_taps_wanted(frame) + 8 * frame->has_gradients;
 }
 
-/* Maximum cells of a grid, since floats index them. Sparser volumes are splatted, unless they need gradients. */
-SPSI_COLD size_t spsi_pyramid_cells_most(const spsi_frame *frame, size_t bricks) {
-    const size_t most = frame->has_gradients ? SPSI_PYRAMID_CELLS : 64 * bricks + 65536;
+/* Maximum cells of a grid, since floats index them. Sparser volumes are splatted, unless they need gradients or
+   are cropped. */
+SPSI_COLD size_t spsi_pyramid_cells_most(const spsi_frame *frame, int medium, size_t bricks) {
+    const int needed = frame->has_gradients || frame->lattices[medium].cropped == SPSI_CROP_GAS;
+    const size_t most = needed ? SPSI_PYRAMID_CELLS : 64 * bricks + 65536;
     return bricks < (SPSI_PYRAMID_CELLS - 65536) / 64 ? most : SPSI_PYRAMID_CELLS;
 }
 
@@ -12495,7 +12775,7 @@ static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, c
     spsi_reserve(context, SPSI_BUFFER_PYRAMIDS, 1, sizeof(spsi_pyramid));
     spsi_reserve(context, SPSI_BUFFER_PYRAMID_VALUES, 2, plane); /* empty planes */
     for (int m = 0; m < frame->medium_count; ++m) {
-        const size_t reached = 27 * (size_t)bricks[m], most = spsi_pyramid_cells_most(frame, (size_t)bricks[m]);
+        const size_t reached = 27 * (size_t)bricks[m], most = spsi_pyramid_cells_most(frame, m, (size_t)bricks[m]);
         spsi_pyramid_level levels[2];
         spsi_pyramid_whole(&frame->media[m], &levels[0]);
         for (int n = 0; n <= spsi_levels_wanted(frame, m); ++n) {
@@ -12522,7 +12802,7 @@ SPSI_COLD size_t spsi_pyramids_begin(const sps_context *context, const spsi_fram
         while (first < context->brick_count && bricks[first].lattice == m) ++first;
         field->end = first;
         spsi_pyramid_place(bricks, fields->taps, field);
-        if (spsi_pyramid_cells(field) > spsi_pyramid_cells_most(frame, (size_t)(field->end - field->first)))
+        if (spsi_pyramid_cells(field) > spsi_pyramid_cells_most(frame, m, (size_t)(field->end - field->first)))
             field->size[0] = 0;
         all += spsi_pyramid_cells(field) * spsi_pyramid_ints(frame, m);
     }
@@ -12809,6 +13089,7 @@ typedef struct spsi_target {
     int channels[SPSI_VOLUMES_MAX];          /* per lattice; -1: not filled */
     spsi_fill_choice verdicts[SPSI_VOLUMES_MAX]; /* gathered volumes use `samplers` */
     spsi_sampler samplers[SPSI_VOLUMES_MAX];
+    spsi_crop crops[SPSI_VOLUMES_MAX];
     int set_channels[SPSI_SETS_MAX];
     spsi_target_kind kind;
     spsi_splatter splatters[SPSI_VOLUMES_MAX];
@@ -12948,6 +13229,20 @@ static int spsi_target_judge(spsi_target *target, int i) {
     return 1;
 }
 
+SPSI_COLD void spsi_target_crop(spsi_target *target, int i) {
+    const spsi_lattice *lattice = &target->frame->lattices[i];
+    spsi_crop *crop = &target->crops[i];
+    double rows[3][3];
+    crop->exists = lattice->cropped == SPSI_CROP_CLASSIFIED;
+    if (!crop->exists) return;
+    spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows);
+    for (int k = 0; k < 3; ++k) {
+        const double middle = 0.5 * (lattice->crop[0][k] + lattice->crop[1][k]); /* keeps floats small */
+        spsi_linear_build(target->rays, rows[k], lattice->corner, -middle, &crop->at[k]);
+        for (int n = 0; n < 2; ++n) crop->faces[n][k] = (float)(lattice->crop[n][k] - middle);
+    }
+}
+
 /* Lights skip volumes without extinction. */
 static int spsi_target_takes(const spsi_target *target, const spsi_medium *medium) {
     return target->kind < SPSI_TARGET_MAP || target->frame->matter.materials[medium->channel].extinguishes;
@@ -12958,6 +13253,7 @@ static sps_result spsi_target_volumes(sps_context *context, spsi_target *target)
         const spsi_medium *medium = &target->frame->media[i];
         if (!spsi_target_takes(target, medium)) continue;
         target->channels[i] = target->kind < SPSI_TARGET_MAP ? medium->channel : medium->light_channel;
+        spsi_target_crop(target, i);
         if (!spsi_target_judge(target, i))
             return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, medium->index,
                                    "placement's voxel edge", cbrt(medium->lattice->voxel_volume),
@@ -13452,6 +13748,7 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
     uint64_t gathered[SPSI_VOLUMES_MAX] = {0};
     int splatted = 0;
     tile->eye_slab = (float)(target->origin_slab - first_slab);
+    tile->first_slab = first_slab;
     for (int i = 0; i < contents->bricks.current; ++i) {
         const int index = contents->bricks.present[i];
         const int16_t *box = target->brick_boxes[index];
@@ -13473,11 +13770,14 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         spsi_brick_origin_build(&contents->frame->lattices[brick->lattice], brick, target->rays, target->slabs,
                                 first_slab, &origin);
         float *sheets = tile->sheets + (size_t)channel * tile->channel_size;
+        float cut[SPSI_BRICK * SPSI_BRICK * SPSI_BRICK + SPSI_PADDING];
+        const float *values = spsi_brick_values(&contents->frame->lattices[brick->lattice], segment, brick, cut);
+        if (!values) continue;
         if (splatter->deposits) {
             spsi_deposit_begin(tile, splatter, &origin, brick, edges, &deposit);
-            spsi_deposit_brick(&deposit, segment, brick, sheets);
+            spsi_deposit_brick(&deposit, segment, brick, values, sheets);
         } else {
-            spsi_splat_brick(tile, splatter, &origin, segment, brick, sheets);
+            spsi_splat_brick(tile, splatter, &origin, segment, brick, values, sheets);
         }
     }
     for (int m = 0; m < contents->frame->medium_count; ++m)
@@ -13606,6 +13906,7 @@ static inline spsi_v spsi_parabola_mean(const spsi_parabola *p, const spsi_porti
 typedef struct spsi_light_shader {
     const spsi_frame *frame;
     const spsi_rays *rays;
+    const spsi_target *target;
     spsi_linear slab;
     int material_of_channel[SPSI_VOLUMES_MAX + 1]; /* -1: gases, stored as optical depth */
     int has_means[SPSI_VOLUMES_MAX + 1];           /* per classified channel */
@@ -13615,6 +13916,7 @@ SPSI_COLD void spsi_light_shader_build(const spsi_target *target, spsi_light_sha
     const spsi_frame *frame = target->frame;
     shader->frame = frame;
     shader->rays = target->rays;
+    shader->target = target;
     shader->material_of_channel[0] = -1;
     for (int i = 0; i < frame->medium_count; ++i) {
         const int channel = frame->media[i].light_channel;
@@ -13626,6 +13928,7 @@ SPSI_COLD void spsi_light_shader_build(const spsi_target *target, spsi_light_sha
 }
 
 typedef struct spsi_row_slabs {
+    int x, y;
     spsi_v length;          /* world length per unit of t */
     spsi_v count, per_slab; /* slabs per unit of t, and its inverse */
 } spsi_row_slabs;
@@ -13633,13 +13936,30 @@ typedef struct spsi_row_slabs {
 static inline spsi_row_slabs spsi_row_slabs_at(const spsi_light_shader *shader, int x, int y) {
     const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
     const spsi_v count = spsi_abs(spsi_linear_slope(&shader->slab, at, (float)y));
-    const spsi_row_slabs slabs = {spsi_ray_lengths(shader->rays, at, (float)y), count, spsi_div(spsi_set(1), count)};
+    const spsi_row_slabs slabs = {x, y, spsi_ray_lengths(shader->rays, at, (float)y), count,
+                                  spsi_div(spsi_set(1), count)};
     return slabs;
 }
 
 /* Clamps sums that round-off made slightly negative. */
 static inline spsi_v spsi_sheet_sum(const spsi_tile *tile, int channel, size_t at) {
     return spsi_max(spsi_load(tile->sheets + (size_t)channel * tile->channel_size + at), spsi_set(0));
+}
+
+/* Fractions inside a volume's crop of a slab's parts, from the slab's first plane on. */
+static void spsi_slab_crop(const spsi_light_shader *shader, const spsi_crop *crop, const spsi_row_slabs *slabs,
+                           int slab, int parts, spsi_v *fractions) {
+    const spsi_v x = spsi_add(spsi_set((float)slabs->x), spsi_iota());
+    const spsi_v base = spsi_linear_base(&shader->slab, x, (float)slabs->y);
+    const spsi_v per_slab = spsi_div(spsi_set(1), spsi_linear_slope(&shader->slab, x, (float)slabs->y));
+    spsi_v range[2], from = spsi_mul(spsi_sub(spsi_set((float)slab), base), per_slab);
+    spsi_crop_range(crop, x, (float)slabs->y, range);
+    for (int part = 1; part <= parts; ++part) {
+        const spsi_v plane = spsi_set((float)slab + (float)part / (float)parts);
+        const spsi_v to = spsi_mul(spsi_sub(plane, base), per_slab);
+        fractions[part - 1] = spsi_range_fraction(range, from, to);
+        from = to;
+    }
 }
 
 /* Optical depth of a slab; `at`: index in a channel. Classified volumes follow a parabola, as for the camera. */
@@ -13662,11 +13982,16 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
         values[1] = spsi_mul(sum, slabs->count);
         values[2] = spsi_mul(spsi_sheet_sum(tile, c, at + tile->sheet_size), slabs->count);
         if (!spsi_values_through(shown, values, shader->has_means[c], &value)) continue;
+        const spsi_crop *crop = &shader->target->crops[shown->medium];
+        spsi_v inside[SPSI_SUBSLABS];
+        if (crop->exists)
+            spsi_slab_crop(shader, crop, slabs, tile->first_slab + (int)(at / tile->sheet_size), SPSI_SUBSLABS, inside);
         for (int part = 0; part < SPSI_SUBSLABS; ++part) {
             const spsi_portion portion = spsi_portion_of(spsi_set(0), spsi_set(1), part);
             const spsi_v mean = spsi_parabola_mean(&value, &portion);
             if (!spsi_any_shown(shown, mean)) continue;
-            depth = spsi_fma(spsi_classify_extinction(shown, mean), part_length, depth);
+            const spsi_v length = crop->exists ? spsi_mul(part_length, inside[part]) : part_length;
+            depth = spsi_fma(spsi_classify_extinction(shown, mean), length, depth);
         }
     }
     return depth;
@@ -16702,8 +17027,11 @@ SPSI_COLD double spsi_bytes_without_tables(const sps_context *context, const sps
     const double map = spsi_depth_map_size(frame), lights = frame->lights.shadow_count;
     const double triangles = (double)frame->meshes.triangle_count;
     double bytes = (double)spsi_worker_count(context) * 3e5 * (frame->matter.material_count + 1);
-    for (int i = 0; i < frame->medium_count; ++i)
-        bytes += 20.0 * frame->media[i].given.size[0] * frame->media[i].given.size[1] * frame->media[i].given.size[2];
+    for (int i = 0; i < frame->medium_count; ++i) {
+        double voxels = 20;
+        for (int k = 0; k < 3; ++k) voxels *= frame->media[i].high[k] - frame->media[i].low[k];
+        bytes += voxels;
+    }
     bytes += (32 + 264) * (double)frame->particles.count + (176 + 68) * triangles;
     bytes += 60 * pixels + 68.0 * sheets->rays.width * sheets->rays.height;
     return bytes + (triangles > 0 ? lights * (18 * map * map + 4 * pixels) : 0);
@@ -18573,14 +18901,24 @@ typedef struct spsi_emitter_sum {
     double value, place[3], square[3], sent[3]; /* sent: classified emission */
 } spsi_emitter_sum;
 
-static void spsi_emitter_sum_brick(const sps_context *context, const spsi_material *material, const spsi_brick *brick,
+static void spsi_emitter_sum_brick(const sps_context *context, const spsi_frame *frame, const spsi_brick *brick,
                                    int edge, spsi_emitter_sum *sums) {
     const spsi_segment *segment = spsi_segment_at(context, brick->segment);
     const int side = SPSI_BRICK / edge;
-    for (int i = brick->first; i < brick->first + brick->count; ++i) {
-        double value = (double)segment->value[i], sent[4] = {0, 0, 0, 0};
+    spsi_lattice lattice = frame->lattices[brick->lattice];
+    const spsi_material *material = &frame->matter.materials[frame->media[lattice.medium].channel];
+    float cut[SPSI_BRICK * SPSI_BRICK * SPSI_BRICK + SPSI_PADDING];
+    if (lattice.cropped) lattice.cropped = SPSI_CROP_GAS; /* emission is cut, as gas is */
+    const float *values = spsi_brick_values(&lattice, segment, brick, cut);
+    for (int i = brick->first; i < brick->first + brick->count && values; ++i) {
+        double value = (double)*values++, sent[4] = {0, 0, 0, 0};
         int own = 0;
-        if (material->glow) spsi_emission_at_value(material, value, sent), value = sent[3];
+        if (material->glow) { /* of the whole value, times the fraction of its kernel inside */
+            const double raw = (double)segment->value[i], inside = raw > 0 ? value / raw : 0;
+            spsi_emission_at_value(material, raw, sent);
+            for (int c = 0; c < 4; ++c) sent[c] *= inside;
+            value = sent[3];
+        }
         for (int k = 2; k >= 0; --k) own = own * side + spsi_segment_step(segment, i, k) / edge;
         spsi_emitter_sum *sum = &sums[own];
         sum->value += value;
@@ -18621,7 +18959,7 @@ static void spsi_emitters_add_brick(const sps_context *context, const spsi_frame
     memset(&like, 0, sizeof like);
     memcpy(like.sent, material->emission, sizeof like.sent);
     memset(sums, 0, (size_t)count * sizeof *sums);
-    spsi_emitter_sum_brick(context, material, brick, edge, sums);
+    spsi_emitter_sum_brick(context, frame, brick, edge, sums);
     for (int n = 0; n < count && amount > 0; ++n) {
         double point[3];
         if (!(sums[n].value > 0)) continue;
@@ -18857,7 +19195,7 @@ static void spsi_emitters_list(const sps_context *context, const spsi_frame *fra
         if (!frame->matter.materials[m].emits) continue;
         spsi_emitters_add_brick(context, frame, &bricks[i], blocks, flights, items[SPSI_FLIGHTS_EMISSION]);
         if (!(frame->content->flies[m] > 0)) continue;
-        spsi_emitter_sum_brick(context, &frame->matter.materials[m], &bricks[i], SPSI_BRICK, &whole);
+        spsi_emitter_sum_brick(context, frame, &bricks[i], SPSI_BRICK, &whole);
         if (i + 1 < context->brick_count && bricks[i + 1].lattice == bricks[i].lattice) continue;
         spsi_emitters_add_volume(frame, lattice, &whole, flights + 1, items[SPSI_FLIGHTS_BEAMS]);
         memset(&whole, 0, sizeof whole);
@@ -19891,11 +20229,31 @@ static void spsi_samples_color(const spsi_material *material, int channel, spsi_
     }
 }
 
+/* Takes what lies beyond a volume's crop from its parts' optical depths, and sums them. */
+static void spsi_samples_crop(const spsi_shader *shader, const spsi_crop *crop, const spsi_pixels *p, int channel,
+                              spsi_slab *slab) {
+    const spsi_v way = spsi_sub(slab->leave, slab->enter);
+    spsi_v range[2];
+    spsi_crop_range(crop, p->at, (float)p->y, range);
+    for (int i = 0; i < slab->part_count; ++i) { /* front to back */
+        const int part = shader->sweep->back_to_front ? slab->part_count - 1 - i : i;
+        const float per_part = 1.0f / (float)slab->part_count;
+        spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
+        const spsi_v from = spsi_fma(way, spsi_set((float)i * per_part), slab->enter);
+        const spsi_v to = spsi_fma(way, spsi_set((float)(i + 1) * per_part), slab->enter);
+        const spsi_v inside = spsi_range_fraction(range, from, to);
+        sample->depth = spsi_mul(sample->depth, inside);
+        sample->value_length = spsi_mul(sample->value_length, inside);
+        slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
+    }
+}
+
 /* Samples a classified volume: values follow a parabola. Transparent parts need no colors. */
 static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
                                     spsi_slab *slab) {
     const spsi_material *material = &shader->frame->matter.materials[channel];
     const spsi_target *target = shader->target;
+    const spsi_crop *crop = &target->crops[material->medium];
     const spsi_v share = spsi_set(1.0f / (float)slab->part_count), zero = spsi_set(0);
     const spsi_v way = spsi_mul(spsi_mul(spsi_sub(slab->leave, slab->enter), p->length), share);
     const size_t at = spsi_tile_at(tile, p, slab->k - 1);
@@ -19918,8 +20276,12 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         }
         sample->depth = spsi_min(spsi_mul(appearance[3], way), spsi_set(SPSI_DEPTH_MAX));
         for (int c = 0; c < 3; ++c) sample->color[c] = appearance[c];
-        slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
+        if (!crop->exists) slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
     }
+    if (shader->frame->has_gradients && material->shading == SPS_SHADING_SURFACE &&
+        shader->frame->content->fields->levels[material->medium]->count > 0)
+        spsi_samples_gradient(shader, &target->samplers[material->medium], p, channel, slab);
+    if (crop->exists) spsi_samples_crop(shader, crop, p, channel, slab);
 }
 
 /* Blinn-Phong highlight (n+8)/(8 pi) (N.H)^n, nearly normalised: at most 7.5 % too bright, at normal incidence and n =
@@ -21419,7 +21781,7 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
     for (int m = 0; m < count; ++m) {
         const spsi_material *material = &shader->frame->matter.materials[m];
         if (material->colored > 0) spsi_samples_color(material, m, slab);
-        if (shader->frame->has_gradients && material->shading == SPS_SHADING_SURFACE &&
+        if (shader->frame->has_gradients && !material->table && material->shading == SPS_SHADING_SURFACE &&
             shader->frame->content->fields->levels[material->medium]->count > 0)
             spsi_samples_gradient(shader, &shader->target->samplers[material->medium], p, m, slab);
     }
@@ -21756,7 +22118,7 @@ SPSI_COLD void spsi_groups_build(const sps_context *context, const spsi_frame *f
     for (int i = 0; i < context->brick_count; ++i) {
         spsi_bounds box;
         spsi_brick_bounds(frame, &bricks[i], &box);
-        spsi_groups_add(groups, &box);
+        if (!spsi_bounds_empty(&box)) spsi_groups_add(groups, &box);
     }
     for (int i = 0; i < frame->content->particle_count; ++i) {
         spsi_bounds box;
@@ -21889,6 +22251,14 @@ static void spsi_sampling_visit(const spsi_sampling *sheets, const spsi_tile *ti
             const spsi_v part = spsi_sheet_sum(tile, m + 1 + c % material->colored, at);
             const spsi_v albedo = spsi_div(part, spsi_max(sum, spsi_set(FLT_MIN)));
             sample.scattered[c] = spsi_mul(sample.depth, spsi_min(albedo, spsi_set(1)));
+        }
+        if (material->table && sheets->target.crops[material->medium].exists) {
+            spsi_v inside;
+            spsi_slab_crop(&sheets->shader, &sheets->target.crops[material->medium], &slabs,
+                           sheets->contents.first_slab + place->k, 1, &inside);
+            sample.depth = spsi_mul(sample.depth, inside);
+            for (int c = 0; c < 3; ++c) sample.scattered[c] = spsi_mul(sample.scattered[c], inside);
+            for (int c = 0; c < 3; ++c) sample.emitted[c] = spsi_mul(sample.emitted[c], inside);
         }
         sheets->sample_fn(sheets->data, place, m, &sample);
     }
@@ -23252,7 +23622,9 @@ static size_t spsi_flights_bytes(const spsi_frame *frame, const spsi_cell_grid *
         sizeof(spsi_emitter) + sizeof(spsi_flight_node) + sizeof(int) + sizeof(spsi_tree_item) + sizeof(spsi_tree_node);
     size_t bricks = 0, voxels = 0, count = frame->matter.emits ? 2 * frame->particles.count : 0;
     for (int i = 0; i < frame->medium_count; ++i) {
-        const int *size = frame->media[i].given.size;
+        const spsi_medium *medium = &frame->media[i];
+        int size[3];
+        for (int k = 0; k < 3; ++k) size[k] = medium->high[k] - medium->low[k];
         const size_t across = (size_t)(size[0] / SPSI_BRICK + 1), up = (size_t)(size[1] / SPSI_BRICK + 1);
         if (!frame->matter.materials[frame->media[i].channel].emits) continue;
         bricks += across * up * (size_t)(size[2] / SPSI_BRICK + 1);
@@ -25038,6 +25410,7 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
     if (spsi_has_budget(&frame->view) && spsi_budget_take(context, frame)) return context->result;
     if (spsi_pyramids_place(context, frame)) return context->result;
     spsi_levels_choose(frame);
+    spsi_borders_check(context, frame);
     spsi_choose_shadows(context, frame);
     if (!spsi_has_shadow_tables(frame))
         spsi_shadow_tables_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count);
@@ -25147,9 +25520,9 @@ SPSI_COLD sps_result spsi_plan_pyramids(sps_context *context, const spsi_frame *
         const double bricks = (double)reading->bricks_of[m], most = pow(SPSI_BRICK + fields->taps, 3);
         double volume = 1;
         spsi_pyramid_whole(&frame->media[m], field);
-        for (int k = 0; k < 3; ++k) volume *= frame->media[m].given.size[k] + fields->taps;
+        for (int k = 0; k < 3; ++k) volume *= frame->media[m].high[k] - frame->media[m].low[k] + fields->taps;
         spsi_levels_place(fields, m);
-        field->count = spsi_pyramid_cells(field) <= spsi_pyramid_cells_most(frame, (size_t)reading->bricks_of[m]);
+        field->count = spsi_pyramid_cells(field) <= spsi_pyramid_cells_most(frame, m, (size_t)reading->bricks_of[m]);
         field->volume = spsi_dmin(volume, most * bricks);
         field->voxels = (double)reading->voxels_of[m];
     }
@@ -25215,7 +25588,8 @@ static const char *const spsi_filling_reasons[] = {"splatted: view.filling asks 
                                                    "splatted: gas keeps its mass",
                                                    "deposited: gas keeps its mass, and voxels are small",
                                                    "gathered: view.filling asks for it",
-                                                   "gathered: samples cost less than footprints would"};
+                                                   "gathered: samples cost less than footprints would",
+                                                   "gathered: footprints would blur the crop's faces"};
 
 /* Explains how volumes fill a target. `again`: 1 after the first sweep. */
 SPSI_COLD void spsi_plan_filling(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
@@ -25594,10 +25968,12 @@ typedef struct spsi_dense {
     float *most;          /* per brick: maximum, including neighbours */
     float *bound;         /* per brick: upper bound of extinction, for paths */
     double all_most;      /* maximum value, for bounds */
-    int size[3];          /* voxels */
+    int low[3], size[3];  /* first voxel; voxels */
     int bricks[3];
     double inverse[3][3]; /* rows: map world offsets from the corner to voxels */
-    double corner[3];
+    double corner[3];     /* of the first voxel */
+    int cropped;
+    double crop[2][3];    /* low and high faces, from the first voxel */
 } spsi_dense;
 
 typedef struct spsi_enclosure {
@@ -25696,7 +26072,7 @@ typedef struct spsi_vicinity {
     double weights[3][SPSI_REFERENCE_TAPS], slopes[3][SPSI_REFERENCE_TAPS];
 } spsi_vicinity;
 
-/* Returns 0 if the voxels within `reach` are 0. */
+/* Returns 0 if the voxels within `reach` are 0, or the point lies beyond the crop. */
 static int spsi_vicinity_place(const spsi_dense *grid, const double point[3], double reach, int has_slopes,
                                spsi_vicinity *vicinity) {
     double offset[3], at[3];
@@ -25705,6 +26081,7 @@ static int spsi_vicinity_place(const spsi_dense *grid, const double point[3], do
     for (int i = 2; i >= 0; --i) {
         at[i] = spsi_dot(grid->inverse[i], offset);
         if (at[i] < -reach || at[i] > grid->size[i] + reach) return 0;
+        if (grid->cropped && !(at[i] >= grid->crop[0][i] && at[i] < grid->crop[1][i])) return 0;
         brick = brick * grid->bricks[i] + (int)spsi_dmin(spsi_dmax(at[i], 0), grid->size[i] - 1) / SPSI_BRICK;
     }
     if (!(grid->most[brick] > 0)) return 0;
@@ -25953,12 +26330,29 @@ static void spsi_march_light(const spsi_marcher *marcher, const spsi_light *ligh
     }
 }
 
-/* Adds a volume's optical depth, sampled at the middle. */
+/* The part of a step inside a volume's crop, which may be empty. */
+static spsi_ray spsi_dense_clip(const spsi_dense *grid, const spsi_ray *step) {
+    double offset[3], range[2];
+    spsi_ray inside = *step, local = *step;
+    if (!grid->cropped) return inside;
+    spsi_along(step->origin, grid->corner, -1, offset);
+    for (int i = 0; i < 3; ++i) {
+        local.origin[i] = spsi_dot(grid->inverse[i], offset);
+        local.direction[i] = spsi_dot(grid->inverse[i], step->direction);
+    }
+    if (!spsi_ray_meets_box(&local, grid->crop[0], grid->crop[1], range)) range[1] = range[0] = step->low;
+    inside.low = range[0];
+    inside.high = range[1];
+    return inside;
+}
+
+/* Adds a volume's optical depth, sampled at the middle of the step or of its part inside the crop. */
 static void spsi_march_shade(const spsi_marcher *marcher, int m, const spsi_ray *part, spsi_shade *shade) {
+    const spsi_ray inside = spsi_dense_clip(&marcher->grids[m], part);
     double at[3], depth;
-    spsi_along(part->origin, part->direction, 0.5 * (part->low + part->high), at);
+    spsi_along(part->origin, part->direction, 0.5 * (inside.low + inside.high), at);
     depth = spsi_field(&marcher->grids[m], at, SPSI_REFERENCE_REACH, NULL, NULL);
-    depth = (part->high - part->low) * spsi_extinction_at(spsi_material_of(marcher->frame, m), depth, NULL);
+    depth = (inside.high - inside.low) * spsi_extinction_at(spsi_material_of(marcher->frame, m), depth, NULL);
     spsi_enclosure_add(&shade->depth, depth, depth);
 }
 
@@ -25998,6 +26392,7 @@ typedef struct spsi_point {
     double half;                           /* half the step */
     double pixel;                          /* world size of a pixel there */
     double value[SPSI_MATERIALS_MAX];      /* per part; for particles, extinction */
+    double inside[SPSI_MATERIALS_MAX];     /* fraction of the step within its crop, included in extinction */
     double extinction[SPSI_MATERIALS_MAX];
     double extinction_sum;
     double gas, passes;                    /* optical depth to the eye; mean transmittance over the step */
@@ -26018,13 +26413,19 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
     point->pixel = spsi_pixel_size_at(&frame->content->eye, 0.5 * (ray->low + ray->high) * depth[2]);
     spsi_particles_depth(marcher, ray, depths);
     for (int m = 0; m < marcher->part_count; ++m) {
-        spsi_march_sample(marcher, m, point->position, &point->samples[m], &point->value[m], &point->extinction[m]);
+        const spsi_ray inside = m < frame->medium_count ? spsi_dense_clip(&marcher->grids[m], ray) : *ray;
+        const double fraction = (inside.high - inside.low) / (ray->high - ray->low);
+        double at[3];
+        spsi_along(ray->origin, ray->direction, 0.5 * (inside.low + inside.high), at);
+        spsi_march_sample(marcher, m, at, &point->samples[m], &point->value[m], &point->extinction[m]);
+        point->inside[m] = fraction;
+        if (m < frame->medium_count && fraction < 1) point->extinction[m] *= fraction;
         if (m >= frame->medium_count) {
             point->value[m] = point->extinction[m] = depths[m - frame->medium_count] / (ray->high - ray->low);
             if (spsi_material_of(frame, m)->colored > 0)
                 spsi_particles_albedo(marcher, m - frame->medium_count, ray, point->samples[m].color);
         }
-        point->value_sum += point->value[m];
+        point->value_sum += point->value[m] * point->inside[m];
         point->extinction_sum += point->extinction[m];
     }
 }
@@ -26146,7 +26547,7 @@ SPSI_COLD void spsi_point_source(const spsi_marcher *marcher, const spsi_point *
         spsi_emission_at_value(material, point->value[m], emitted);
         for (int c = 0; c < 3; ++c) {
             const double albedo = (double)spsi_one(point->samples[m].color[c]);
-            double own = emitted[c];
+            double own = emitted[c] * point->inside[m];
             if (marcher->settings->samples == 0) /* otherwise paths add it */
                 own += point->extinction[m] * albedo * (double)material->ambient[c];
             source[c] += point->passes * own;
@@ -26380,13 +26781,14 @@ typedef struct spsi_dense_job {
 static void spsi_dense_task(void *data, int index, int worker) {
     const spsi_dense_job *job = (const spsi_dense_job *)data;
     const spsi_voxels *voxels = spsi_reader_values(&job->reader, index);
-    const int *size = job->reader.medium->given.size;
+    const int *first = job->reader.medium->low, *end = job->reader.medium->high;
     (void)worker;
     if (!voxels) return;
     for (int z = voxels->block.core_low[2]; z < voxels->block.core_high[2]; ++z)
         for (int y = voxels->block.core_low[1]; y < voxels->block.core_high[1]; ++y) {
             const int *low = voxels->block.core_low;
-            const size_t to = ((size_t)z * (size_t)size[1] + (size_t)y) * (size_t)size[0] + (size_t)low[0];
+            const size_t row = (size_t)(z - first[2]) * (size_t)(end[1] - first[1]) + (size_t)(y - first[1]);
+            const size_t to = row * (size_t)(end[0] - first[0]) + (size_t)(low[0] - first[0]);
             memcpy(job->values + to, voxels->values + spsi_block_index(&voxels->block, low[0], y, z),
                    (size_t)voxels->block.size[0] * sizeof(float));
         }
@@ -26430,13 +26832,17 @@ static size_t spsi_grids_lay_out(const spsi_frame *frame, float *memory, spsi_de
         const spsi_lattice *lattice = frame->media[i].lattice;
         spsi_dense *grid = &grids[i];
         uint64_t bricks = 1, voxels = 1;
+        memcpy(grid->corner, lattice->corner, sizeof grid->corner);
+        grid->cropped = lattice->cropped != SPSI_CROP_NONE;
         for (int k = 0; k < 3; ++k) {
-            grid->size[k] = frame->media[i].given.size[k];
+            grid->low[k] = frame->media[i].low[k];
+            grid->size[k] = frame->media[i].high[k] - grid->low[k];
+            spsi_along(grid->corner, lattice->step[k], grid->low[k], grid->corner);
+            for (int n = 0; n < 2; ++n) grid->crop[n][k] = lattice->crop[n][k] - grid->low[k];
             grid->bricks[k] = (grid->size[k] + SPSI_BRICK - 1) / SPSI_BRICK;
             voxels *= (uint64_t)grid->size[k];
             bricks *= (uint64_t)grid->bricks[k];
         }
-        memcpy(grid->corner, lattice->corner, sizeof grid->corner);
         spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], grid->inverse);
         grid->values = spsi_lay(memory, &laid, voxels);
         grid->most = spsi_lay(memory, &laid, bricks);
@@ -27090,6 +27496,9 @@ SPSI_COLD sps_result spsi_bracket_check(sps_context *context, const spsi_frame *
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, frame->media[m].index,
                                   material->table ? "transfer" : "appearance_fn",
                                   0, "has corners, and normals, for which no bounds are known");
+        if (frame->media[m].lattice->cropped)
+            return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, frame->media[m].index, "crop", 0,
+                                  "or border cuts the field, for which no bounds are known");
     }
     for (int m = 0; m < frame->matter.material_count; ++m) scatters |= frame->matter.materials[m].scatters;
     for (int i = 0; i < frame->lights.count; ++i) {
@@ -27412,7 +27821,8 @@ static void spsi_emission_draw(const spsi_marcher *marcher, uint64_t *random, sp
         left /= spsi_emission_of(material) * frame->media[m].lattice->voxel_volume;
         for (; at[0] + 1 < grid->size[0] && left >= (double)*value; at[0] += 1) left -= (double)*value++;
         for (int k = 0; k < 3; ++k)
-            at[k] += SPSI_SIGMA * sqrt(2 * spsi_random_depth(random)) * cos(2 * SPSI_PI * spsi_random(random));
+            at[k] += grid->low[k] + SPSI_SIGMA * sqrt(2 * spsi_random_depth(random)) *
+                                        cos(2 * SPSI_PI * spsi_random(random));
         spsi_voxel_position(frame->media[m].lattice, at, light->position);
         spsi_emission_color(marcher, m, light->position, light->color);
     } else {
@@ -27966,12 +28376,15 @@ static void spsi_voxel_row(const sps_grid *grid, const char *from, ptrdiff_t ste
 /* Returns 0 or the error of sps_grid_read and sps_grid_range. */
 static int spsi_grid_check(const sps_grid *grid, const int lo[3], const int size[3]) {
     if (!grid || !grid->voxels || grid->start_canary || grid->end_canary) return 1;
+    const int border = grid->border;
+    if (border < 0 || border > SPSI_BORDER_MAX) return 1;
     if ((int)grid->format < SPS_VOXEL_U8 || grid->format > SPS_VOXEL_I16) return 1;
     if (!(fabsf(grid->scale) <= FLT_MAX) || !(fabsf(grid->offset) <= FLT_MAX)) return 1;
     for (int i = 0; i < 3; ++i)
         if (grid->size[i] < 1) return 1;
     for (int i = 0; i < 3; ++i)
-        if (lo[i] < 0 || size[i] > grid->size[i] || lo[i] > grid->size[i] - size[i]) return 2;
+        if (lo[i] < -border || size[i] > grid->size[i] + 2 * border || lo[i] > grid->size[i] + border - size[i])
+            return 2;
     return 0;
 }
 
@@ -27979,7 +28392,7 @@ static int spsi_grid_check(const sps_grid *grid, const int lo[3], const int size
 static void spsi_grid_strides(const sps_grid *grid, ptrdiff_t stride[3]) {
     static const ptrdiff_t bytes[] = {0, 1, 2, 2, 4, 2};
     for (int i = 0; i < 3; ++i) {
-        ptrdiff_t packed = i == 0 ? bytes[grid->format] : stride[i - 1] * grid->size[i - 1];
+        ptrdiff_t packed = i == 0 ? bytes[grid->format] : stride[i - 1] * (grid->size[i - 1] + 2 * grid->border);
         if (packed < 0) packed = -packed; /* reversed rows still form ordered layers */
         stride[i] = grid->stride[i] ? grid->stride[i] : packed;
     }

@@ -59,6 +59,7 @@ static int load_volume(volume_arguments *from, sps_volume *volume, ex_error *err
     if (ex_grid_load(&from->grid, &from->voxels, error)) return 1;
     memcpy(volume->size, from->grid.size, sizeof volume->size);
     volume->placement = from->placement;
+    memcpy(volume->crop, from->crop, sizeof volume->crop);
     volume->read_fn = ex_grid_read, volume->range_fn = ex_grid_range, volume->user = &from->grid;
     volume->concurrent = 1;
     volume->extinction = (float)from->extinction;

@@ -31,6 +31,7 @@ typedef struct volume_arguments {
     option_set given;
     const char *file, *transfer_file;
     int size[3], type, shading, classify;
+    int crop[6];
     double range[2], box[6], extinction, albedo[3], emission[3], ambient[3];
     double temperature[2]; /* in kelvin at value 1, and luminance per world unit there */
     phase_lobes lobes;
@@ -425,6 +426,7 @@ static const option_rule options[] = {
     {"--type", "u8|i8|u16|i16|u32|i32|f32|f64", "of a voxel; default: the header's, or u8, little endian", set_choice, OF_VOLUME(type), 1, 0, 0, ex_type_names},
     {"--range", "LOW,HIGH", "numbers in the file that become the values 0 and 1; what lies beyond counts as these", set_range, OF_VOLUME(range), 2, -LARGEST, LARGEST, NULL},
     {"--box", "x0,y0,z0,x1,y1,z1", "two opposite corners in the world; default: the header's, or 0,0,0,1,1,1", set_reals, OF_VOLUME(box), 6, COORDINATES},
+    {"--crop", "i0,j0,k0,i1,j1,k1", "faces between voxels that cut the volume; default: all of it", set_integers, OF_VOLUME(crop), 6, 0, 65536, NULL},
     {"--extinction", "S", "per world unit at value 1; default 1; not with --transfer", set_reals, OF_VOLUME(extinction), 1, POSITIVE},
     {"--albedo", "r,g,b", "default 0.8,0.8,0.8; not with --transfer", set_reals, OF_VOLUME(albedo), 3, 0, 1, NULL},
     {"--emission", "r,g,b", "radiance per world unit at value 1; default 0,0,0; for a gas, not with --transfer", set_reals, OF_VOLUME(emission), 3, POSITIVE},
@@ -727,6 +729,10 @@ static int find_voxels(volume_arguments *volume, ex_error *error) {
         return 1;
     if (has(volume->given, "--size")) memcpy(voxels->size, volume->size, sizeof voxels->size);
     if (has(volume->given, "--type")) voxels->type = (ex_type)volume->type;
+    for (int k = 0; k < 3 && has(volume->given, "--crop"); ++k)
+        if (volume->crop[k] >= volume->crop[3 + k] || volume->crop[3 + k] > voxels->size[k])
+            return ex_fail(error, "--crop of %s: faces %d and %d along %c leave no voxel of its %d", volume->file,
+                           volume->crop[k], volume->crop[3 + k], 'x' + k, voxels->size[k]);
     memcpy(voxels->range, volume->range, sizeof voxels->range);
     volume->voxels = *voxels;
     if (has_header && !has(volume->given, "--box")) {

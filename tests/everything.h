@@ -245,6 +245,7 @@ typedef enum base {
     ORTHOGRAPHIC, /* cameras and the light's map */
     MATRIX,
     EVALUATED,  /* a transfer function by eval_fn */
+    CROPPED,    /* both volumes */
     BACKDROP,   /* background_fn */
     INVALID,    /* a voxel that is not a number */
     SMOOTH,     /* gas of many wide pixels, for tolerance */
@@ -280,6 +281,9 @@ static inline void build_base(base b) {
         check_matrix(&it.view.camera, it.matrix), check_matrix(&it.map_light.camera, it.matrix);
     } else if (b == EVALUATED) {
         it.transfer.points = NULL, it.transfer.point_count = 0, it.transfer.eval_fn = eval_transfer;
+    } else if (b == CROPPED) {
+        static const int crop[2][6] = {{1, 0, 1, 6, 4, 4}, {1, 0, 1, 5, 6, 6}};
+        for (int i = 0; i < 2; ++i) memcpy(it.volume[i].crop, crop[i], sizeof crop[i]);
     } else if (b == BACKDROP) {
         it.scene.background_fn = paint_backdrop, it.scene.background_user = &it.backdrop;
     } else if (b == INVALID) {

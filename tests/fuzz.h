@@ -284,17 +284,18 @@ static void *random_memory(scenery *x, size_t size) {
 static void random_grid(scenery *x, int n) {
     sps_volume *volume = &x->s.volume[n];
     sps_grid *grid = &x->grids[n];
-    const size_t bytes[] = {1, 1, 2, 2, 4, 4};
-    const int format = one_in(16) ? below(6) : 1 + below(3); /* floats of arbitrary bits are mostly refused */
+    const size_t bytes[] = {1, 1, 2, 2, 4, 2, 4};
+    const int format = one_in(16) ? below(7) : 1 + below(3); /* floats of arbitrary bits are mostly refused */
     size_t stride = bytes[format], before = 0;
-    const int packed = one_in(2);
+    const int packed = one_in(2), border = one_in(4) ? below(4) : 0;
     put_int(&grid->format, format);
+    grid->border = border;
     for (int i = 0; i < 3; ++i) {
-        const int size = volume->size[i] > 0 ? volume->size[i] : 1, backwards = !packed && one_in(3);
+        const int size = (volume->size[i] > 0 ? volume->size[i] : 1) + 2 * border, backwards = !packed && one_in(3);
         grid->size[i] = one_in(40) ? volume->size[i] + below(3) - 1 : volume->size[i];
         if (!packed) stride += bytes[format] * (size_t)below(3);
         if (!packed) grid->stride[i] = backwards ? -(ptrdiff_t)stride : (ptrdiff_t)stride;
-        if (backwards) before += stride * (size_t)(size - 1);
+        before += stride * (size_t)(backwards ? size - 1 - border : border);
         stride *= (size_t)size;
     }
     grid->voxels = one_in(40) ? NULL : (uint8_t *)random_memory(x, stride) + before;

@@ -151,6 +151,13 @@ static const char *spoil_volume(mixed *m, int *n) {
     SPOIL(memset(v, 0xa5, sizeof *v), "volume[0].start_canary is 2.7791e+09;") /* pointers are wild, too */
     SPOIL(v->size[0] = -1, "volume[0].size is -1;")
     SPOIL(v->size[2] = 65537, "volume[0].size is 65537;")
+    SPOIL(v->crop[1] = -1, "volume[0].crop is -1;")
+    SPOIL(v->crop[5] = v->size[2] + 1, "volume[0].crop is ")
+    SPOIL(v->crop[0] = 1, "volume[0].crop is 1;") /* above the high face, 0 */
+    SPOIL(v->border = -1, "volume[0].border is -1;")
+    SPOIL(v->border = 65537, "volume[0].border is 65537;")
+    SPOIL(v->range_levels = 4, "volume[0].range_levels is 4;")
+    SPOIL(v->range_levels = -1, "volume[0].range_levels is -1;")
     SPOIL(v->placement.origin[1] = not_a_number(), "volume[0].placement.origin[1] is nan;")
     SPOIL(v->placement.axis[1][2] = infinite, "volume[0].placement.axis[1][2] is inf;")
     SPOIL(memcpy(v->placement.axis[1], v->placement.axis[0], 24), "volume[0].placement's determinant is 0;")

@@ -23,8 +23,11 @@ static void fill_cloud(void) {
     check_lumps(all.values, SIDE);
     for (int i = 0; i < VOXELS; ++i) {
         const int x = i % SIDE, y = i / SIDE % SIDE, z = i / SIDE / SIDE;
+        /* colors whose channels have bricks of their own */
         for (int c = 0; c < 3; ++c) {
-            all.albedo[i][c] = (float)(0.5 + 0.45 * sin(0.5 * x + 0.7 * y * c + 0.3 * z + c));
+            all.albedo[i][c] = (c == 0 && x < 9) || (c == 1 && z > 10)
+                                   ? 0
+                                   : (float)(0.5 + 0.45 * sin(0.5 * x + 0.7 * y * c + 0.3 * z + c));
             all.emission[i][c] = (float)(check_next(&random) * (y < 4 ? 3 - c : 0));
         }
     }

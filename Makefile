@@ -144,8 +144,9 @@ build/measure/%: tests/measure/%.c $(HEADERS) $(wildcard tests/measure/*.h) test
 X86 = $(filter x86_64 amd64 i%86,$(shell uname -m))
 BENCHES = build/measure/bench $(if $(X86),build/measure/bench_avx2) build/measure/bench_plain
 
-bench: $(BENCHES)
+bench: $(BENCHES) build/measure/files
 	build/measure/bench
+	build/measure/files
 	@$(COMPARE_BUILDS)
 	build/measure/bench_plain maps
 

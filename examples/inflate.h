@@ -45,7 +45,7 @@ typedef struct ex_inflater {
 
 /* Fails at the byte that holds the next bit. */
 static inline int ex_inflate_fail(const ex_inflater *z, const char *what) {
-    const size_t byte = (size_t)(z->source.next - z->in) - z->source.count / 8;
+    const size_t byte = (8 * (size_t)(z->source.next - z->in) - z->source.count) / 8;
     return ex_fail(z->error, "%s: packed data: %s at byte %zu of them", z->path, what, byte);
 }
 
@@ -145,7 +145,7 @@ static inline int ex_read_lengths(ex_inflater *z, unsigned count, unsigned char 
 static inline int ex_read_codes(ex_inflater *z, int are_dynamic) {
     static const unsigned char order[19] = {16, 17, 18, 0, 8, 7, 9, 6, 10, 5, 11, 4, 12, 3, 13, 2, 14, 1, 15};
     unsigned char lengths[320] = {0};
-    uint32_t literals = 31, distances = 31, codes, length;
+    uint32_t literals = 31, distances = 31, codes = 0, length = 0;
     for (int i = 0; i < 320 && !are_dynamic; ++i)
         lengths[i] = i < 144 ? 8 : i < 256 ? 9 : i < 280 ? 7 : i < 288 ? 8 : 5;
     if (are_dynamic) {
@@ -222,7 +222,7 @@ static inline int ex_inflate_stored(ex_inflater *z) {
 }
 
 static inline int ex_inflate_blocks(ex_inflater *z) {
-    uint32_t last = 0, kind;
+    uint32_t last = 0, kind = 0;
     z->first = z->at;
     while (!last && !(z->partly && z->at == z->room)) {
         if (ex_inflate_bits(z, 1, &last) || ex_inflate_bits(z, 2, &kind)) return 1;

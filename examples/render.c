@@ -1,4 +1,4 @@
-/* render: the library from the command line. Volumes (raw, NRRD, MetaImage, NIfTI-1, NPY), particles and OBJ meshes in;
+/* render: the library from the command line. Volumes (raw, NRRD, MetaImage, NIfTI, NPY), particles and OBJ meshes in;
    PNG, PFM, OpenEXR, Radiance HDR and statistics out.
    Exit status: 0 done; 1 the render failed; 2 an option or a file was wrong. The last two with one line on stderr. */
 
@@ -225,6 +225,7 @@ static int load_scene(arguments *all, const scene_arrays *arrays, sps_scene *sce
     scene->lights = arrays->lights, scene->light_count = all->light_count;
     to_floats(all->ambient, scene->ambient);
     to_floats(all->background, scene->background);
+    scene->replace_invalid = all->replace_invalid;
     return 0;
 }
 
@@ -341,6 +342,7 @@ static int explain(const arguments *all, const ex_session *session, sps_result r
     name_subject(all, &why, subject, sizeof subject);
     if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_LIGHT)
         way_out = " (--shadow auto, --no-shadows and --reference have no such limit)";
+    if (result == SPS_ERROR_DATA && strcmp(why.field, "value") == 0) way_out = " (--replace-invalid makes it 0)";
     if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_VIEW)
         way_out = strcmp(why.field, "scattering") == 0              ? " (--samples N, or --scattering single)"
                   : strcmp(why.field, "scattering_resolution") == 0 ? " (--scattering single has no such limit)"
@@ -516,6 +518,7 @@ static void begin_arguments(arguments *all, const settings *given) {
     all->width = all->height = 512;
     all->up[1] = 1;
     all->fov = 40;
+    all->max_bytes = EX_MAX_BYTES;
     all->shadow = ex_find_name(shadow_names, "auto");
     default_volume(all->volumes);
     default_particles(all->particles);

@@ -36,6 +36,7 @@ typedef struct volume_arguments {
     double temperature[2]; /* in kelvin at value 1, and luminance per world unit there */
     phase_lobes lobes;
     ex_voxel_file voxels; /* from the file's header, overridden by options */
+    char space[64];       /* what the header says its coordinates are: ex_volume_file.space */
     sps_placement placement;
     ex_grid grid;
     ex_transfer points;
@@ -108,9 +109,9 @@ typedef struct arguments {
     int volume_count, particle_set_count, mesh_count, light_count;
     double camera[6], up[3], fov, ortho, ambient[3], background[3], slab;
     int width, height, region[4], coverage, shadow_resolution, quality, no_shadows, reference, samples, scattering,
-        scattering_resolution, filling, threads, plan, help;
+        scattering_resolution, filling, threads, replace_invalid, plan, help;
     int shadow, map_size, table_size;
-    double map_epsilon, scattering_tolerance, tolerance, budget_seconds, budget_error;
+    double map_epsilon, scattering_tolerance, tolerance, budget_seconds, budget_error, max_bytes;
     sps_tmap_settings map; /* of all lights that cast shadows by maps; options set its fields */
     int exr_type, exr_compression;
     const char *out, *pfm, *alpha_pfm, *exr, *radiance_hdr, *stats;
@@ -423,7 +424,7 @@ static const option_rule options[] = {
     {"--look", "FILE", "options from a file; repeatable", NULL, SCENE, 0, NO_NUMBERS},
     {"--volume", "FILE", "voxels; repeatable", add_volume, SCENE, 0, NO_NUMBERS},
     {"--size", "X,Y,Z", "voxels along each axis; required for a file without a header", set_integers, OF_VOLUME(size), 3, 1, 65536, NULL},
-    {"--type", "u8|i8|u16|i16|u32|i32|f32|f64", "of a voxel; default: the header's, or u8, little endian", set_choice, OF_VOLUME(type), 1, 0, 0, ex_type_names},
+    {"--type", "u8|i8|u16|i16|u32|i32|f32|f64|u64|i64|f16", "of a voxel; default: the header's, or u8, little endian", set_choice, OF_VOLUME(type), 1, 0, 0, ex_type_names},
     {"--range", "LOW,HIGH", "numbers in the file that become the values 0 and 1; what lies beyond counts as these", set_range, OF_VOLUME(range), 2, -LARGEST, LARGEST, NULL},
     {"--box", "x0,y0,z0,x1,y1,z1", "two opposite corners in the world; default: the header's, or 0,0,0,1,1,1", set_reals, OF_VOLUME(box), 6, COORDINATES},
     {"--crop", "i0,j0,k0,i1,j1,k1", "faces between voxels that cut the volume; default: all of it", set_integers, OF_VOLUME(crop), 6, 0, 65536, NULL},
@@ -484,6 +485,8 @@ static const option_rule options[] = {
     {"--scattering", "auto|single|ambient|forward|convolution|multiple", "light in gas; auto, the default: single in thin gas, otherwise multiple", set_choice, OF_SCENE(scattering), 1, 0, 0, scattering_names},
     {"--scattering-resolution", "N", "cells along the gas for --scattering multiple, half the texels for convolution", set_integers, OF_SCENE(scattering_resolution), 1, 1, 256, NULL},
     {"--scattering-tolerance", "T", "share of light that may be left out by --scattering auto; default 0.01", set_reals, OF_SCENE(scattering_tolerance), 1, 0, 1, NULL},
+    {"--replace-invalid", NULL, "numbers that are NaN, below 0 or too large count as 0; otherwise they end the render", set_flag, OF_SCENE(replace_invalid), NO_NUMBERS},
+    {"--max-bytes", "N", "the most that a volume's file may take in memory, unpacked; default 4e9", set_reals, OF_SCENE(max_bytes), 1, 1, LARGEST, NULL},
     {"--threads", "N", "default one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
     {"--out", "FILE.png", "sRGB picture", set_text, OF_SCENE(out), NO_NUMBERS},
     {"--pfm", "FILE.pfm", "linear radiance, three channels", set_text, OF_SCENE(pfm), NO_NUMBERS},
@@ -508,15 +511,15 @@ static const char *const headings[][2] = {
      "  File names in it are relative to the look. Options after --look override those of the look."},
     {"--volume",
      "Volumes. Options apply to the --volume before them; those before the first --volume, to the first.\n"
-     "  Files ending in .nrrd, .nhdr (NRRD), .mhd, .mha (MetaImage), .nii (NIfTI-1) or .npy have a header:\n"
-     "  it determines size, type, byte order, spacing and placement, unless an option below does. Voxels\n"
-     "  must be uncompressed. Coordinates are used as they are in the file. Without any in the header, voxels\n"
-     "  are cubes of edge 1, the first one centered at 0,0,0. An .npy array is indexed [z,y,x]. Any other\n"
-     "  file is raw: only voxels, x fastest, little endian.\n"
-     "  Voxels become values as follows. u8, u16 and u32: 0..1 over the whole range of the type. i8, i16 and\n"
-     "  i32, and integers that a NIfTI header scales: 0..1 from the smallest to the largest in the file.\n"
+     "  Files ending in .nrrd, .nhdr (NRRD), .mhd, .mha (MetaImage), .nii, .nii.gz, .hdr (NIfTI), .npy or .npz\n"
+     "  have a header: it determines size, type, byte order, spacing and placement, unless an option below\n"
+     "  does. Voxels may be packed by gzip or zlib. Coordinates are used as they are in the file. Without any\n"
+     "  in the header, voxels are cubes of edge 1, the first one centered at 0,0,0. An .npy array is indexed\n"
+     "  [z,y,x]. Any other file is raw: only voxels, x fastest, little endian.\n"
+     "  Voxels become values as follows. u8, u16, u32 and u64: 0..1 over the whole range of the type. i8, i16,\n"
+     "  i32 and i64, and integers that a header scales: 0..1 from the smallest to the largest in the file. f16,\n"
      "  f32 and f64: as they are, except that negative ones become 0. --range replaces all this; it is in\n"
-     "  units after NIfTI's scaling."},
+     "  units after the header's scaling."},
     {"--particles", "Particles, in the same way: balls of gas."},
     {"--mesh", "Meshes, in the same way."},
     {"--camera", "View."},
@@ -733,9 +736,10 @@ static int find_voxels(volume_arguments *volume, ex_error *error) {
         if (volume->crop[k] >= volume->crop[3 + k] || volume->crop[3 + k] > voxels->size[k])
             return ex_fail(error, "--crop of %s: faces %d and %d along %c leave no voxel of its %d", volume->file,
                            volume->crop[k], volume->crop[3 + k], 'x' + k, voxels->size[k]);
-    memcpy(voxels->range, volume->range, sizeof voxels->range);
+    if (has(volume->given, "--range")) memcpy(voxels->range, volume->range, sizeof voxels->range);
     volume->voxels = *voxels;
     if (has_header && !has(volume->given, "--box")) {
+        memcpy(volume->space, file.space, sizeof volume->space);
         volume->placement = ex_volume_file_placement(&file);
         return 0;
     }
@@ -746,9 +750,26 @@ static int find_voxels(volume_arguments *volume, ex_error *error) {
     return 0;
 }
 
+/* Says so once if files that are opened together name different directions for their coordinates. */
+static void warn_of_spaces(const arguments *all) {
+    const volume_arguments *first = NULL;
+    for (int i = 0; i < all->volume_count; ++i) {
+        const volume_arguments *volume = &all->volumes[i];
+        if (!*volume->space) continue;
+        if (!first) first = volume;
+        if (strcmp(volume->space, first->space) == 0) continue;
+        fprintf(stderr, "render: coordinates of %s are %s, those of %s are %s: both are used as they are\n",
+                ex_quoted(first->file).text, first->space, ex_quoted(volume->file).text, volume->space);
+        return;
+    }
+}
+
 static int find_volumes(arguments *all, ex_error *error) {
-    for (int i = 0; i < all->volume_count; ++i)
+    for (int i = 0; i < all->volume_count; ++i) {
         if (find_voxels(&all->volumes[i], error)) return 1;
+        all->volumes[i].voxels.max_bytes = all->max_bytes;
+    }
+    warn_of_spaces(all);
     return 0;
 }
 

@@ -4,20 +4,47 @@
 #define EX_VOLUME_H
 
 #include "files.h"
+#include "inflate.h"
 
 /* ----------------------------------------------------------------------------------------------- a grid in memory */
 
-typedef enum ex_type { EX_U8 = 0, EX_I8, EX_U16, EX_I16, EX_U32, EX_I32, EX_F32, EX_F64 } ex_type;
+typedef enum ex_type {
+    EX_U8 = 0,
+    EX_I8,
+    EX_U16,
+    EX_I16,
+    EX_U32,
+    EX_I32,
+    EX_F32,
+    EX_F64,
+    EX_U64,
+    EX_I64,
+    EX_F16
+} ex_type;
 
 /* In the order of ex_type. */
-static const char *const ex_type_names[] = {"u8", "i8", "u16", "i16", "u32", "i32", "f32", "f64", NULL};
+static const char *const ex_type_names[] = {"u8",  "i8",  "u16", "i16", "u32", "i32",
+                                            "f32", "f64", "u64", "i64", "f16", NULL};
 
 static inline size_t ex_type_size(ex_type type) {
-    static const size_t sizes[] = {1, 1, 2, 2, 4, 4, 4, 8};
+    static const size_t sizes[] = {1, 1, 2, 2, 4, 4, 4, 8, 8, 8, 2};
     return sizes[type];
 }
 
-static inline int ex_type_is_float(ex_type type) { return type == EX_F32 || type == EX_F64; }
+static inline int ex_type_is_float(ex_type type) { return type == EX_F32 || type == EX_F64 || type == EX_F16; }
+
+static inline int ex_type_is_signed(ex_type type) {
+    return type == EX_I8 || type == EX_I16 || type == EX_I32 || type == EX_I64;
+}
+
+/* A half: a sign, 5 bits of exponent, 10 of mantissa. Multiplication by a power of two is exact. */
+static inline float ex_half_value(uint16_t half) {
+    const uint32_t exponent = half >> 10 & 31, mantissa = half & 1023;
+    const float size = exponent == 31  ? (mantissa ? NAN : INFINITY)
+                       : exponent == 0 ? ldexpf((float)mantissa, -24)
+                                       : ldexpf((float)(mantissa | 1024), (int)exponent - 25);
+    return half >> 15 ? -size : size;
+}
 
 enum { EX_GRID_BLOCK = 32 }; /* voxels along the edge of a block that has a range */
 
@@ -45,6 +72,15 @@ typedef struct ex_grid {
         }                                                                                                              \
     } while (0)
 
+static inline void ex_grid_halves(const ex_grid *grid, size_t first, size_t count, float *out) {
+    const uint16_t *stored = (const uint16_t *)grid->data + first;
+    const float zero = (float)grid->zero, unit = (float)grid->unit;
+    for (size_t i = 0; i < count; ++i) {
+        const float value = (ex_half_value(stored[i]) - zero) / unit;
+        out[i] = value < grid->least ? grid->least : value > grid->most ? grid->most : value;
+    }
+}
+
 /* Converts `count` voxels to values, from voxel number `first` on. NaN stays NaN. */
 static inline void ex_grid_values(const ex_grid *grid, size_t first, size_t count, float *out) {
     switch (grid->type) {
@@ -56,6 +92,9 @@ static inline void ex_grid_values(const ex_grid *grid, size_t first, size_t coun
     case EX_I32: EX_CONVERT(int32_t, double); break;
     case EX_F32: EX_CONVERT(float, float); break;
     case EX_F64: EX_CONVERT(double, double); break;
+    case EX_U64: EX_CONVERT(uint64_t, double); break;
+    case EX_I64: EX_CONVERT(int64_t, double); break;
+    case EX_F16: ex_grid_halves(grid, first, count, out); break;
     }
 }
 #undef EX_CONVERT
@@ -162,19 +201,38 @@ static inline void ex_grid_free(ex_grid *grid) {
 
 enum { EX_PATH_MAX = 4096 };
 
+/* How the voxels are stored: as in memory, packed, or in a zip file, there as they are or packed. */
+typedef enum ex_storage {
+    EX_STORED_PLAIN = 0,
+    EX_STORED_ZLIB,
+    EX_STORED_GZIP,
+    EX_STORED_ZIP,
+    EX_STORED_DEFLATED
+} ex_storage;
+
 /* Where in a file the voxels are, and what they mean. */
 typedef struct ex_voxel_file {
     char path[EX_PATH_MAX];
-    uint64_t offset;         /* bytes before the first voxel */
+    uint64_t offset;         /* bytes before the first voxel, once unpacked */
     int at_end;              /* 1: the voxels are the last thing in the file, and `offset` does not count */
     int may_go_on;           /* 1: the file may be longer */
+    ex_storage storage;      /* not plain: the next four lines say what is to be unpacked */
+    uint64_t packed_at;      /* its first byte in the file */
+    uint64_t packed_size;    /* its bytes; 0: all that follow */
+    uint64_t unpacked_size;  /* in a zip file: the number of bytes unpacked */
+    uint32_t crc;            /* in a zip file: their CRC-32 */
+    double max_bytes;        /* the most that may be unpacked or allocated; 0: EX_MAX_BYTES */
     int size[3];             /* voxels along x, y, z */
+    int components;          /* numbers per voxel: 1 or 3; 0 is 1 */
+    int planes;              /* 1: all first components come first, then all second ones, then all third ones */
     ex_type type;            /* of the stored numbers */
     int big_endian;          /* byte order of the stored numbers */
     int x_slowest;           /* 1: in the file, z runs fastest and x slowest */
     double slope, intercept; /* a stored number s means slope * s + intercept; slope 0: just s */
     double range[2];         /* which of these numbers become the values 0 and 1; both 0: see ex_grid_scale */
 } ex_voxel_file;
+
+#define EX_MAX_BYTES 4e9
 
 /* Describes a file without a header: little-endian voxels and nothing else. */
 static inline int ex_voxel_file_raw(ex_voxel_file *file, const char *path, const int size[3], ex_type type,
@@ -187,19 +245,95 @@ static inline int ex_voxel_file_raw(ex_voxel_file *file, const char *path, const
     return 0;
 }
 
-/* Moves to the first voxel. Fails if the file does not hold all of them. */
-static inline int ex_voxel_file_seek(const ex_voxel_file *from, FILE *file, uint64_t held, ex_error *error) {
-    const uint64_t needed = ex_grid_bytes(from->size, from->type);
-    const uint64_t before = !from->at_end ? from->offset : held > needed ? held - needed : 0;
-    if (needed > 0 && held >= before && held - before >= needed && (from->may_go_on || held - before == needed)) {
-        if (fseeko(file, (off_t)before, SEEK_SET) == 0) return 0;
-        return ex_fail(error, "%s: byte %llu: %s", from->path, (unsigned long long)before, strerror(errno));
-    }
+/* The size of the grid that holds all numbers: three components lie side by side along x. */
+static inline void ex_voxel_file_size(const ex_voxel_file *from, int size[3]) {
+    memcpy(size, from->size, 3 * sizeof *size);
+    if (from->components > 1) size[0] *= from->components;
+}
+
+static inline uint64_t ex_voxel_file_bytes(const ex_voxel_file *from) {
+    int size[3];
+    ex_voxel_file_size(from, size);
+    return ex_grid_bytes(size, from->type);
+}
+
+static inline int ex_voxel_file_short(const ex_voxel_file *from, uint64_t held, uint64_t before, ex_error *error) {
     char after[48] = "";
     if (before > 0) snprintf(after, sizeof after, ", after the first %llu", (unsigned long long)before);
     return ex_fail(error, "%s: the file holds %llu bytes, but size %d,%d,%d and type %s call for %llu%s", from->path,
                    (unsigned long long)held, from->size[0], from->size[1], from->size[2], ex_type_names[from->type],
-                   (unsigned long long)needed, after);
+                   (unsigned long long)ex_voxel_file_bytes(from), after);
+}
+
+static inline int ex_voxel_file_check_memory(const ex_voxel_file *from, uint64_t bytes, ex_error *error) {
+    const double most = from->max_bytes > 0 ? from->max_bytes : EX_MAX_BYTES;
+    if (bytes > 0 && (double)bytes <= most && bytes <= SIZE_MAX / 2) return 0;
+    return ex_fail(error, "%s: size %d,%d,%d and type %s take %.0f bytes in memory; --max-bytes allows %.0f",
+                   from->path, from->size[0], from->size[1], from->size[2], ex_type_names[from->type],
+                   bytes > 0 ? (double)bytes : HUGE_VAL, most);
+}
+
+/* Reads voxels that are stored as in memory. *data is allocated, once the length of the file is known to be right. */
+static inline int ex_voxel_file_read_plain(const ex_voxel_file *from, FILE *file, uint64_t held, void **data,
+                                           ex_error *error) {
+    const uint64_t needed = ex_voxel_file_bytes(from);
+    const uint64_t before = !from->at_end ? from->offset : held > needed ? held - needed : 0;
+    if (needed == 0 || held < before || held - before < needed || (!from->may_go_on && held - before != needed))
+        return ex_voxel_file_short(from, held, before, error);
+    if (ex_voxel_file_check_memory(from, needed, error)) return 1;
+    if (fseeko(file, (off_t)before, SEEK_SET) != 0)
+        return ex_fail(error, "%s: byte %llu: %s", from->path, (unsigned long long)before, strerror(errno));
+    *data = ex_allocate((size_t)needed, 1);
+    const size_t got = fread(*data, 1, (size_t)needed, file);
+    return got == needed ? 0 : ex_fail(error, "%s: reading failed after %zu bytes", from->path, got);
+}
+
+/* Unpacks what is in memory to out, `total` bytes. MetaImage does not say whether its packed data are zlib or gzip. */
+static inline int ex_voxel_file_inflate(const ex_voxel_file *from, const unsigned char *packed, size_t size,
+                                        unsigned char *out, size_t total, ex_error *error) {
+    const int is_gzip = from->storage == EX_STORED_GZIP || (size > 1 && packed[0] == 0x1f && packed[1] == 0x8b);
+    const ex_packing packing = from->storage == EX_STORED_DEFLATED ? EX_PACKED_RAW
+                               : is_gzip                           ? EX_PACKED_GZIP
+                                                                   : EX_PACKED_ZLIB;
+    if (from->storage != EX_STORED_ZIP) {
+        if (ex_inflate(from->path, packing, packed, size, out, total, NULL, error)) return 1;
+    } else {
+        if (size != total)
+            return ex_fail(error, "%s: zip: %zu bytes are stored for %zu of an array", from->path, size, total);
+        memcpy(out, packed, size);
+    }
+    if (from->storage < EX_STORED_ZIP || ex_crc32(out, total) == from->crc) return 0;
+    return ex_fail(error, "%s: zip: the data from byte %llu on have a wrong checksum", from->path,
+                   (unsigned long long)from->packed_at);
+}
+
+/* The same for packed voxels. Bytes before the voxels are unpacked with them, and removed. */
+static inline int ex_voxel_file_read_packed(const ex_voxel_file *from, FILE *file, uint64_t held, void **data,
+                                            ex_error *error) {
+    const uint64_t needed = ex_voxel_file_bytes(from), left = held > from->packed_at ? held - from->packed_at : 0;
+    const uint64_t size = from->packed_size ? from->packed_size : left;
+    uint64_t total = from->offset <= UINT64_MAX / 2 && needed <= UINT64_MAX / 2 ? from->offset + needed : 0;
+    if (size == 0 || size > left)
+        return ex_fail(error, "%s: the file holds %llu bytes, but %llu packed ones begin at byte %llu", from->path,
+                       (unsigned long long)held, (unsigned long long)size, (unsigned long long)from->packed_at);
+    if (from->storage >= EX_STORED_ZIP) {
+        if (needed == 0 || total > from->unpacked_size)
+            return ex_voxel_file_short(from, from->unpacked_size, from->offset, error);
+        total = from->unpacked_size;
+    }
+    if (ex_voxel_file_check_memory(from, needed ? total : 0, error)) return 1;
+    if (ex_voxel_file_check_memory(from, size, error)) return 1;
+    unsigned char *packed = (unsigned char *)ex_allocate((size_t)size, 1);
+    int failed = fseeko(file, (off_t)from->packed_at, SEEK_SET) != 0 || fread(packed, 1, (size_t)size, file) != size;
+    if (failed) {
+        ex_fail(error, "%s: reading failed after byte %llu", from->path, (unsigned long long)from->packed_at);
+    } else {
+        *data = ex_allocate((size_t)total, 1);
+        failed = ex_voxel_file_inflate(from, packed, (size_t)size, (unsigned char *)*data, (size_t)total, error);
+        if (!failed) memmove(*data, (char *)*data + from->offset, (size_t)needed);
+    }
+    free(packed);
+    return failed;
 }
 
 /* Reorders voxels from z fastest to x fastest. */
@@ -237,7 +371,7 @@ static inline void ex_grid_extremes(const ex_grid *grid, double out[2]) {
    0..1 over the numbers in the file, because scanners use only a part of those types. */
 static inline void ex_grid_scale(ex_grid *grid, const ex_voxel_file *from) {
     const double slope = from->slope != 0 ? from->slope : 1, intercept = from->slope != 0 ? from->intercept : 0;
-    const int is_signed = grid->type == EX_I8 || grid->type == EX_I16 || grid->type == EX_I32;
+    const int is_signed = ex_type_is_signed(grid->type);
     grid->most = 1;
     if (from->range[0] != from->range[1]) {
         grid->zero = (from->range[0] - intercept) / slope;
@@ -258,26 +392,35 @@ static inline void ex_grid_scale(ex_grid *grid, const ex_voxel_file *from) {
     }
 }
 
-/* Reads the voxels. Nothing is allocated before the length of the file is known to be right. */
-static inline int ex_grid_load(ex_grid *grid, const ex_voxel_file *from, ex_error *error) {
+/* Reads all numbers, in the file's order of axes, as a grid that holds what ex_voxel_file_size says. */
+static inline int ex_grid_load_numbers(ex_grid *grid, const ex_voxel_file *from, ex_error *error) {
     uint64_t held = 0;
-    size_t got = 0;
     memset(grid, 0, sizeof *grid);
     FILE *file = ex_open(from->path, &held, error);
     if (!file) return 1;
-    int failed = ex_voxel_file_seek(from, file, held, error);
-    const size_t needed = (size_t)ex_grid_bytes(from->size, from->type);
-    if (!failed) {
-        ex_grid_begin(grid, from->size, from->type);
-        got = fread(grid->data, 1, needed, file);
-        if (got != needed) failed = ex_fail(error, "%s: reading failed after %zu bytes", from->path, got);
-    }
+    const int failed = from->storage == EX_STORED_PLAIN
+                           ? ex_voxel_file_read_plain(from, file, held, &grid->data, error)
+                           : ex_voxel_file_read_packed(from, file, held, &grid->data, error);
     fclose(file);
     if (failed) {
         ex_grid_free(grid);
         return 1;
     }
-    ex_byte_order(grid->data, needed / ex_type_size(grid->type), ex_type_size(grid->type), from->big_endian);
+    ex_voxel_file_size(from, grid->size);
+    grid->type = from->type;
+    grid->unit = 1, grid->most = FLT_MAX;
+    const size_t item = ex_type_size(from->type), count = (size_t)ex_voxel_file_bytes(from) / item;
+    ex_byte_order(grid->data, count, item, from->big_endian);
+    return 0;
+}
+
+/* Reads the voxels. Nothing is allocated before the length of the file is known to be right. */
+static inline int ex_grid_load(ex_grid *grid, const ex_voxel_file *from, ex_error *error) {
+    memset(grid, 0, sizeof *grid);
+    if (from->components > 1)
+        return ex_fail(error, "%s: %d numbers per voxel are colors, for --albedo-volume or --emission-volume",
+                       from->path, from->components);
+    if (ex_grid_load_numbers(grid, from, error)) return 1;
     if (from->x_slowest) ex_grid_reverse_axes(grid);
     ex_grid_scale(grid, from);
     ex_grid_measure(grid);

@@ -14,9 +14,19 @@ typedef struct ex_volume_file {
     ex_voxel_file voxels;
     double origin[3];  /* the center of the first voxel */
     double step[3][3]; /* from one voxel to the next along x, y, z */
+    /* The directions that the world's coordinates have in a patient, as the file names them: "RAS" is right, anterior,
+       superior. "": unknown. Nothing is converted. */
+    char space[64];
 } ex_volume_file;
 
-enum { EX_HEADER_MAX = 1 << 20 }; /* bytes; real headers have a few hundred */
+enum { EX_HEADER_MAX = 1 << 20, EX_NPY_HEADER_MAX = 1 << 16 }; /* bytes; real headers have a few hundred */
+
+/* NRRD's axes in the order of the file; one may be the components of each voxel. */
+typedef struct ex_header_axes {
+    int count;                                   /* 0: not known yet */
+    double size[4], spacing[4], direction[4][3]; /* spacing NaN: none */
+    int has_direction[4], is_component[4];
+} ex_header_axes;
 
 /* The state of reading a header. */
 typedef struct ex_header {
@@ -28,6 +38,8 @@ typedef struct ex_header {
     size_t end;                         /* bytes of the header */
     int lines_to_skip;                  /* lines before the voxels */
     int detached;                       /* 1: the voxels are in another file */
+    ex_header_axes axes;
+    const char *array; /* the one to read, of several in the file; NULL: the only one */
     ex_error *error;
 } ex_header;
 
@@ -47,6 +59,11 @@ typedef struct ex_header_type {
 
 static inline int ex_header_fail(const ex_header *header, const char *field, const char *value, const char *why) {
     return ex_fail(header->error, "%s: %s: '%s' %s", header->path, field, ex_quoted(value).text, why);
+}
+
+static inline const char *ex_skip_spaces(const char *text) {
+    while (*text == ' ' || *text == '\t') ++text;
+    return text;
 }
 
 /* Whether two names are the same except for case and blanks: NRRD has both "data file" and "datafile". */
@@ -123,6 +140,13 @@ static inline int ex_header_set_size(ex_header *header, const char *field, const
     return 0;
 }
 
+/* Numbers per voxel. */
+static inline int ex_header_set_components(ex_header *header, const char *field, const char *value, double count) {
+    header->file->voxels.components = (int)fmin(fmax(count, 0), 100);
+    if (count == 1 || count == 3) return 0;
+    return ex_header_fail(header, field, value, "is not supported: only 1 and 3 numbers per voxel are");
+}
+
 static inline int ex_header_set_type(ex_header *header, const char *field, const char *value,
                                      const ex_header_type *types) {
     for (int i = 0; types[i].name; ++i)
@@ -131,7 +155,12 @@ static inline int ex_header_set_type(ex_header *header, const char *field, const
             return 0;
         }
     return ex_header_fail(header, field, value,
-                          "is not supported: only integers of up to 32 bits, float and double are");
+                          "is not supported: only integers of up to 64 bits, half, float and double are");
+}
+
+static inline void ex_header_set_space(ex_header *header, const char *space) {
+    const ex_quote quote = ex_quoted(space);
+    memcpy(header->file->space, quote.text, sizeof quote.text);
 }
 
 static inline int ex_header_dimension(ex_header *header, const char *field, char *value) {

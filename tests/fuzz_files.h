@@ -31,8 +31,8 @@ int render_main(int count, char **texts);
 #include "../examples/render.c"
 #undef main
 
-/* Files beside it that a look or a header may name: "v" are voxels, "o" is a mesh, "p" particles, "i" an image, "t" a
-   transfer function. */
+/* Files beside it that a look or a header may name: "v" and "f.img" are voxels, "o" is a mesh, "p" particles, "i" an
+   image, "t" a transfer function. */
 static void write_companions(void) {
     static const float particles[10] = {0, 0, 0, 0.5f, 1, 0.5f, 0.5f, 0, 0.25f, 2};
     static const char mesh[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 1\nf 1/1 2 3\n", image[] = "P6 1 2 255 abcdef";
@@ -40,6 +40,7 @@ static void write_companions(void) {
     uint8_t voxels[64];
     for (int i = 0; i < 64; ++i) voxels[i] = (uint8_t)(37 * i);
     write_file("v", voxels, sizeof voxels);
+    write_file("f.img", voxels, sizeof voxels);
     write_file("o", mesh, sizeof mesh - 1);
     write_file("p", particles, sizeof particles);
     write_file("i", image, sizeof image - 1);
@@ -144,6 +145,9 @@ static const file_kind file_kinds[] = {
     {'d', "f.mhd", {"--volume", "FILE"}},
     {'i', "f.nii", {"--volume", "FILE"}},
     {'y', "f.npy", {"--volume", "FILE"}},
+    {'g', "f.nii.gz", {"--volume", "FILE"}},
+    {'x', "f.hdr", {"--volume", "FILE"}}, /* the voxels are in f.img */
+    {'z', "f.npz", {"--volume", "FILE"}},
     {'w', "f.raw", {"--volume", "FILE", "--size", "3,2,2", "--type", "f32"}},
     {'o', "f.obj", {"--mesh", "FILE"}},
     {'p', "f.bin", {"--particles", "FILE"}},

@@ -4,7 +4,9 @@
 
 #include "check.h"
 #include "volume_file.h"
+#include "color_volume.h"
 #include "command_line.h"
+#include "deflate.h"
 #include <dirent.h>
 
 /* ---------------------------------------------------------------------------------------------------- writing files */
@@ -25,11 +27,19 @@ static void put(bytes *file, const void *data, size_t size) {
 
 static void put_text(bytes *file, const char *text) { put(file, text, strlen(text)); }
 
+/* A half float, of numbers that it holds exactly. */
+static uint64_t half_of(double number) {
+    int exponent;
+    const double mantissa = frexp(fabs(number), &exponent); /* 0.5 to 1 */
+    const uint64_t sign = number < 0 ? 0x8000 : 0;
+    return number == 0 ? 0 : sign | (uint64_t)(exponent + 14) << 10 | ((uint64_t)(mantissa * 2048) & 1023);
+}
+
 /* Appends a number in a type and a byte order; by shifting, so that the machine's own order does not matter. */
 static void put_number(bytes *file, double number, ex_type type, int big_endian) {
     unsigned char out[8];
     const size_t size = ex_type_size(type);
-    uint64_t bits = ex_type_is_float(type) ? 0 : (uint64_t)(int64_t)number;
+    uint64_t bits = ex_type_is_float(type) ? 0 : number < 0 ? (uint64_t)(int64_t)number : (uint64_t)number;
     if (type == EX_F32) {
         const float narrow = (float)number;
         uint32_t narrow_bits;
@@ -37,6 +47,8 @@ static void put_number(bytes *file, double number, ex_type type, int big_endian)
         bits = narrow_bits;
     } else if (type == EX_F64) {
         memcpy(&bits, &number, sizeof bits);
+    } else if (type == EX_F16) {
+        bits = half_of(number);
     }
     for (size_t i = 0; i < size; ++i) out[big_endian ? size - 1 - i : i] = (unsigned char)(bits >> 8 * i & 255);
     put(file, out, size);
@@ -55,6 +67,8 @@ static double number_of(ex_type type, int x, int y, int z) {
     const double bits = 8 * (double)ex_type_size(type);
     const double low = type == EX_I8 || type == EX_I16 || type == EX_I32 ? -pow(2, bits - 1) : 0;
     if (ex_type_is_float(type)) return n * 0.75 - 9;
+    if (type == EX_U64) return ldexp(n, 58);
+    if (type == EX_I64) return ldexp(n - VOXELS / 2, 58);
     return low + floor((pow(2, bits) - 1) * n / (VOXELS - 1) + 0.5);
 }
 
@@ -66,18 +80,30 @@ static void put_voxels(bytes *file, ex_type type, int big_endian, int x_slowest)
     }
 }
 
+static void put_packed(bytes *file, wrapping kind, const bytes *plain) {
+    file->count += deflate_all(kind, plain->data, plain->count, file->data + file->count, FILE_MAX - file->count);
+}
+
+static void put_packed_voxels(bytes *file, wrapping kind, ex_type type, int big_endian) {
+    static bytes plain;
+    plain.count = 0;
+    put_voxels(&plain, type, big_endian, 0);
+    put_packed(file, kind, &plain);
+}
+
 /* A rotated, scaled and mirrored placement: centre of the first voxel, steps along x, y, z. All are powers of two or
    sums of these, so that text and floats represent them exactly. */
 static const double world_origin[3] = {-3, 0.5, 7}, world_step[3][3] = {{0, 0.25, 0}, {-0.5, 0, 0}, {0, 0, -2}};
 
-static void write_nrrd(bytes *file, ex_type type, int big_endian, const char *data_file) {
-    static const char *const types[] = {"uchar", "signed char", "ushort", "short", "uint", "int", "float", "double"};
+static void write_nrrd(bytes *file, ex_type type, int big_endian, const char *encoding, const char *data_file) {
+    static const char *const types[] = {"uchar", "signed char", "ushort", "short",     "uint",
+                                        "int",   "float",       "double", "ulonglong", "int64"};
     char text[600];
     snprintf(text, sizeof text,
              "NRRD0004\n# written by a test\ntype: %s\ndimension: 3\nspace: left-posterior-superior\nsizes: 3 4 5\n"
              "space directions: (0,0.25,0) (-0.5,0,0) (0, 0, -2)\nkinds: domain domain domain\nendian: %s\n"
-             "encoding: raw\nspace origin: (-3,0.5,7)\nkey:=value: of a user\n",
-             types[type], big_endian ? "big" : "little");
+             "encoding: %s\nspace origin: (-3,0.5,7)\nkey:=value: of a user\n",
+             types[type], big_endian ? "big" : "little", encoding);
     file->count = 0;
     put_text(file, text);
     if (data_file) {
@@ -86,32 +112,38 @@ static void write_nrrd(bytes *file, ex_type type, int big_endian, const char *da
         return;
     }
     put_text(file, "\n");
-    put_voxels(file, type, big_endian, 0);
+    if (strcmp(encoding, "raw") == 0)
+        put_voxels(file, type, big_endian, 0);
+    else
+        put_packed_voxels(file, GZIP, type, big_endian);
 }
 
-static void write_meta(bytes *file, ex_type type, int big_endian, const char *data_file) {
-    static const char *const types[] = {"UCHAR", "CHAR", "USHORT", "SHORT", "UINT", "INT", "FLOAT", "DOUBLE"};
+static void write_meta(bytes *file, ex_type type, int big_endian, int packed, const char *data_file) {
+    static const char *const types[] = {"UCHAR", "CHAR",  "USHORT", "SHORT",      "UINT",
+                                        "INT",   "FLOAT", "DOUBLE", "ULONG_LONG", "LONG_LONG"};
     char text[600];
     snprintf(text, sizeof text,
-             "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = %s\nCompressedData = False\n"
+             "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = %s\nCompressedData = %s\n"
              "TransformMatrix = 0 1 0 -1 0 0 0 0 -1\nOffset = -3 0.5 7\nCenterOfRotation = 0 0 0\n"
              "AnatomicalOrientation = RAI\nElementSpacing = 0.25 0.5 2\nDimSize = 3 4 5\nElementType = MET_%s\n"
              "ElementDataFile = %s\n",
-             big_endian ? "True" : "False", types[type], data_file ? data_file : "LOCAL");
+             big_endian ? "True" : "False", packed ? "True" : "False", types[type], data_file ? data_file : "LOCAL");
     file->count = 0;
     put_text(file, text);
-    if (!data_file) put_voxels(file, type, big_endian, 0);
+    if (!data_file && !packed) put_voxels(file, type, big_endian, 0);
+    if (!data_file && packed) put_packed_voxels(file, ZLIB, type, big_endian);
 }
+
+static const double nifti_codes[] = {2, 256, 512, 4, 768, 8, 16, 64, 1280, 1024};
 
 /* 352 bytes, with all of sform; voxels follow. */
 static void write_nifti(bytes *file, ex_type type, int big_endian) {
-    static const double codes[] = {2, 256, 512, 4, 768, 8, 16, 64};
     const double dim[5] = {3, X, Y, Z, 1};
     memset(file, 0, sizeof *file);
     file->count = 352;
     put_number_at(file, 0, 348, EX_I32, big_endian);
     for (size_t i = 0; i < 5; ++i) put_number_at(file, 40 + 2 * i, dim[i], EX_I16, big_endian);
-    put_number_at(file, 70, codes[type], EX_I16, big_endian);
+    put_number_at(file, 70, nifti_codes[type], EX_I16, big_endian);
     put_number_at(file, 72, 8 * (double)ex_type_size(type), EX_I16, big_endian);
     for (size_t i = 0; i < 4; ++i) put_number_at(file, 76 + 4 * i, 1, EX_F32, big_endian);
     put_number_at(file, 108, 352, EX_F32, big_endian);
@@ -124,9 +156,57 @@ static void write_nifti(bytes *file, ex_type type, int big_endian) {
     put_voxels(file, type, big_endian, 0);
 }
 
+/* 544 bytes: the same numbers, in other types and elsewhere. */
+static void write_nifti_2(bytes *file, ex_type type, int big_endian) {
+    const double dim[5] = {3, X, Y, Z, 1};
+    memset(file, 0, sizeof *file);
+    file->count = 544;
+    put_number_at(file, 0, 540, EX_I32, big_endian);
+    memcpy(file->data + 4, "n+2\0\r\n\032\n", 8);
+    put_number_at(file, 12, nifti_codes[type], EX_I16, big_endian);
+    put_number_at(file, 14, 8 * (double)ex_type_size(type), EX_I16, big_endian);
+    for (size_t i = 0; i < 5; ++i) put_number_at(file, 16 + 8 * i, dim[i], EX_I64, big_endian);
+    for (size_t i = 0; i < 4; ++i) put_number_at(file, 104 + 8 * i, 1, EX_F64, big_endian);
+    put_number_at(file, 168, 544, EX_I64, big_endian);
+    put_number_at(file, 348, 1, EX_I32, big_endian);
+    for (size_t i = 0; i < 3; ++i) {
+        for (size_t a = 0; a < 3; ++a) put_number_at(file, 400 + 32 * i + 8 * a, world_step[a][i], EX_F64, big_endian);
+        put_number_at(file, 424 + 32 * i, world_origin[i], EX_F64, big_endian);
+    }
+    put_voxels(file, type, big_endian, 0);
+}
+
+/* A .hdr file without the four bytes of extensions; the voxels go to the .img file, of which three bytes are skipped.
+ */
+static void write_pair(bytes *file, ex_type type, int big_endian, int version) {
+    static bytes image;
+    if (version == 1) {
+        write_nifti(file, type, big_endian);
+        file->count = 348;
+        put_number_at(file, 108, 3, EX_F32, big_endian);
+        memcpy(file->data + 344, "ni1", 4);
+    } else {
+        write_nifti_2(file, type, big_endian);
+        file->count = 540;
+        put_number_at(file, 168, 3, EX_I64, big_endian);
+        memcpy(file->data + 4, "ni2", 4);
+    }
+    image.count = 0;
+    put_text(&image, "abc");
+    put_voxels(&image, type, big_endian, 0);
+    write_file(version == 1 ? "a.img" : "b.img", image.data, image.count);
+}
+
+static void pack_file(bytes *file) {
+    static bytes plain;
+    plain = *file;
+    file->count = 0;
+    put_packed(file, GZIP, &plain);
+}
+
 /* The header is padded to a multiple of 64 bytes, as by NumPy. */
 static void write_npy(bytes *file, ex_type type, int big_endian, int version, int fortran) {
-    static const char *const types[] = {"u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8"};
+    static const char *const types[] = {"u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8", "u8", "i8", "f2"};
     const size_t start = version == 1 ? 10 : 12;
     char text[200];
     const int length = snprintf(text, sizeof text, "{'descr': '%c%s', 'fortran_order': %s, 'shape': (5, 4, 3), }",
@@ -146,23 +226,80 @@ static void write_npy(bytes *file, ex_type type, int big_endian, int version, in
     put_voxels(file, type, big_endian, fortran);
 }
 
+/* An array in a zip file, after something else. */
+static void write_npz(bytes *file, ex_type type, int big_endian, int method) {
+    static bytes plain;
+    write_npy(&plain, type, big_endian, 1, 0);
+    const zip_member members[2] = {{"readme.txt", "what it is", 10, 0}, {"dir/a.npy", plain.data, plain.count, method}};
+    file->count = zip_all(members, 2, file->data, FILE_MAX);
+}
+
 /* The formats of the tests below, and the file name of each. */
-typedef enum format { NRRD, NHDR, MHA, MHD, NIFTI, NPY_1, NPY_2, NPY_3, NPY_FORTRAN, FORMAT_COUNT } format;
+typedef enum format {
+    NRRD,
+    NRRD_GZIP,
+    NHDR,
+    NHDR_GZIP,
+    MHA,
+    MHA_ZLIB,
+    MHD,
+    MHD_ZLIB,
+    NIFTI,
+    NIFTI_GZIP,
+    NIFTI_2,
+    NIFTI_2_GZIP,
+    PAIR_1,
+    PAIR_2,
+    NPY_1,
+    NPY_2,
+    NPY_3,
+    NPY_FORTRAN,
+    NPZ_STORED,
+    NPZ,
+    FORMAT_COUNT
+} format;
 
-static const char *const format_names[] = {"a.nrrd", "a.nhdr", "a.mha", "a.mhd", "a.nii",
-                                           "a.npy",  "b.npy",  "c.npy", "d.npy"};
+static const char *const format_names[] = {"a.nrrd", "b.nrrd", "a.nhdr",   "b.nhdr", "a.mha",    "b.mha", "a.mhd",
+                                           "b.mhd",  "a.nii",  "a.nii.gz", "b.nii",  "b.nii.gz", "a.hdr", "b.hdr",
+                                           "a.npy",  "b.npy",  "c.npy",    "d.npy",  "a.npz",    "b.npz"};
 
-/* The file itself; detached data go to a.raw. */
+/* Whether the header is in one file and the voxels in another. */
+static int is_detached(format which) {
+    return which == NHDR || which == NHDR_GZIP || which == MHD || which == MHD_ZLIB || which == PAIR_1 ||
+           which == PAIR_2;
+}
+
+static int is_packed(format which) {
+    return which == NRRD_GZIP || which == NHDR_GZIP || which == MHA_ZLIB || which == MHD_ZLIB || which == NIFTI_GZIP ||
+           which == NIFTI_2_GZIP || which == NPZ || which == NPZ_STORED;
+}
+
+/* Only NumPy has halves. */
+static int has_type(format which, ex_type type) { return type != EX_F16 || which >= NPY_1; }
+
+/* The file itself; detached data go to a.raw or another file. */
 static void write_format(bytes *file, format which, ex_type type, int big_endian) {
     static bytes detached;
     detached.count = 0;
     put_voxels(&detached, type, big_endian, 0);
     if (which == NHDR || which == MHD) write_file("a.raw", detached.data, detached.count);
-    if (which == NRRD || which == NHDR) write_nrrd(file, type, big_endian, which == NHDR ? "a.raw" : NULL);
-    if (which == MHA || which == MHD) write_meta(file, type, big_endian, which == MHD ? "a.raw" : NULL);
-    if (which == NIFTI) write_nifti(file, type, big_endian);
-    if (which >= NPY_1)
+    detached.count = 0;
+    put_packed_voxels(&detached, which == MHD_ZLIB ? ZLIB : GZIP, type, big_endian);
+    if (which == NHDR_GZIP) write_file("a.raw.gz", detached.data, detached.count);
+    if (which == MHD_ZLIB) write_file("a.zraw", detached.data, detached.count);
+    if (which == NRRD || which == NHDR) write_nrrd(file, type, big_endian, "raw", which == NHDR ? "a.raw" : NULL);
+    if (which == NRRD_GZIP) write_nrrd(file, type, big_endian, "gzip", NULL);
+    if (which == NHDR_GZIP) write_nrrd(file, type, big_endian, "gz", "a.raw.gz");
+    if (which == MHA || which == MHD) write_meta(file, type, big_endian, 0, which == MHD ? "a.raw" : NULL);
+    if (which == MHA_ZLIB || which == MHD_ZLIB)
+        write_meta(file, type, big_endian, 1, which == MHD_ZLIB ? "a.zraw" : NULL);
+    if (which == NIFTI || which == NIFTI_GZIP) write_nifti(file, type, big_endian);
+    if (which == NIFTI_2 || which == NIFTI_2_GZIP) write_nifti_2(file, type, big_endian);
+    if (which == NIFTI_GZIP || which == NIFTI_2_GZIP) pack_file(file);
+    if (which == PAIR_1 || which == PAIR_2) write_pair(file, type, big_endian, which == PAIR_1 ? 1 : 2);
+    if (which >= NPY_1 && which <= NPY_FORTRAN)
         write_npy(file, type, big_endian, which == NPY_FORTRAN ? 1 : which - NPY_1 + 1, which == NPY_FORTRAN);
+    if (which >= NPZ_STORED) write_npz(file, type, big_endian, which == NPZ ? 8 : 0);
     write_file(format_names[which], file->data, file->count);
 }
 
@@ -216,7 +353,7 @@ static void test_every_type(void) {
     static const double nowhere[3] = {0, 0, 0}, unit[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     static bytes file;
     for (int which = 0; which < FORMAT_COUNT; ++which)
-        for (int type = EX_U8; type <= EX_F64; ++type)
+        for (int type = EX_U8; type <= EX_F16 && has_type((format)which, (ex_type)type); ++type)
             for (int big_endian = 0; big_endian < 2; ++big_endian) {
                 const int placed = which < NPY_1;
                 ex_volume_file header;
@@ -299,9 +436,11 @@ static void test_nifti_placement(void) {
 }
 
 /* Headers that are complete, or nearly so */
-#define NRRD_HEAD "NRRD0004\ndimension: 3\n"
-#define NRRD_REST "sizes: 2 1 1\ntype: uint8\nencoding: raw\n"
-#define META_HEAD "NDims = 3\nDimSize = 2 1 1\nElementType = MET_UCHAR\n"
+#define NRRD_HEAD   "NRRD0004\ndimension: 3\n"
+#define NRRD_REST   "sizes: 2 1 1\ntype: uint8\nencoding: raw\n"
+#define NRRD_PACKED "sizes: 2 1 1\ntype: uint8\nencoding: gzip\n"
+#define COLOR_HEAD  "NRRD0004\ndimension: 4\nsizes: 3 1 1 2\ntype: uint8\nencoding: raw\n"
+#define META_HEAD   "NDims = 3\nDimSize = 2 1 1\nElementType = MET_UCHAR\n"
 
 static void write_text(const char *name, const char *text) { write_file(name, text, strlen(text)); }
 
@@ -451,6 +590,195 @@ static void test_ranges_of_blocks(void) {
     ex_grid_free(&grid);
 }
 
+/* Lines are skipped before unpacking, bytes after it. */
+static void test_packed_skipping(void) {
+    static const struct {
+        const char *name, *header;
+    } cases[] = {{"skip.nrrd", NRRD_HEAD NRRD_PACKED "byte skip: 3\n\n"},
+                 {"skip.nrrd", NRRD_HEAD NRRD_PACKED "byte skip: 3\nline skip: 2\n\none\ntwo\n"},
+                 {"skip.nhdr", NRRD_HEAD NRRD_PACKED "byte skip: 3\nline skip: 2\ndata file: skip.gz\n"},
+                 {"skip.mha", META_HEAD "CompressedData = True\nElementDataFile = LOCAL\n"},
+                 {"skip.mhd", META_HEAD "CompressedData = True\nHeaderSize = 8\nElementDataFile = skip.gz\n"}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
+        static bytes file, plain;
+        const int is_meta = cases[i].name[5] == 'm', is_detached_here = strstr(cases[i].header, "skip.gz") != NULL;
+        ex_volume_file header;
+        ex_grid grid;
+        file.count = plain.count = 0;
+        put_text(&plain, is_meta ? "ab" : "12\nab");
+        put_text(&file, is_detached_here ? "one\ntwo\n" : cases[i].header);
+        put_packed(&file, is_meta && !is_detached_here ? ZLIB : GZIP, &plain); /* MetaImage takes both */
+        write_file(is_detached_here ? "skip.gz" : cases[i].name, file.data, file.count);
+        if (is_detached_here) write_text(cases[i].name, cases[i].header);
+        if (must_read(cases[i].name, &header, &grid)) CHECK(memcmp(grid.data, "ab", 2) == 0);
+        ex_grid_free(&grid);
+    }
+}
+
+/* MetaImage's scale, and its other word for the spacing. */
+static void test_scaled_meta(void) {
+    static const double none[2] = {0, 0}, range[2] = {0, 100}, nowhere[3] = {0, 0, 0};
+    static const double step[3][3] = {{2, 0, 0}, {0, 3, 0}, {0, 0, 4}}, other[3][3] = {{5, 0, 0}, {0, 6, 0}, {0, 0, 7}};
+    ex_volume_file header;
+    ex_grid grid;
+    write_text("s.mha", META_HEAD "ElementToIntensityFunctionSlope = 0.5\nElementToIntensityFunctionOffset = -10\n"
+                                  "ElementSize = 2 3 4\nElementDataFile = LOCAL\n\x14\x78");
+    if (must_read("s.mha", &header, &grid)) { /* 20 and 120 mean 0 and 50 */
+        check_values(&header, range, 0, 0.5f);
+        check_values(&header, none, 0, 1);
+        CHECK(is_placed(&header, nowhere, step, 0));
+    }
+    ex_grid_free(&grid);
+    write_text("s.mha", META_HEAD "ElementToIntensityFunctionOffset = -20\nElementSpacing = 5 6 7\n"
+                                  "ElementSize = 2 3 4\nElementDataFile = LOCAL\n\x14\x78");
+    if (must_read("s.mha", &header, &grid)) {
+        check_values(&header, range, 0, 1);
+        CHECK(is_placed(&header, nowhere, other, 0));
+    }
+    ex_grid_free(&grid);
+}
+
+/* Two voxels of three bytes, 1 2 3 and 4 5 6, in every format that has them. */
+static void test_colors(void) {
+    static const struct {
+        const char *name, *header;
+        int planes;
+    } cases[] = {
+        {"c.nrrd", COLOR_HEAD "kinds: RGB-color domain domain domain\n\n", 0},
+        {"c.nrrd", COLOR_HEAD "kinds: vector space space space\nspacings: nan 1 1 1\n\n", 0},
+        {"c.nrrd", COLOR_HEAD "space directions: none (1,0,0) (0,1,0) (0,0,1)\n\n", 0},
+        {"c.nrrd",
+         "NRRD0005\ndimension: 4\nsizes: 1 1 2 3\ntype: uint8\nencoding: raw\nkinds: space space space list\n\n", 1},
+        {"c.mha",
+         "NDims = 3\nDimSize = 1 1 2\nElementType = MET_UCHAR\nElementNumberOfChannels = 3\nElementDataFile = LOCAL\n",
+         0},
+        {"c.npy", NULL, 0},
+        {"c.nii", NULL, 0}};
+    static const int lo[3] = {0, 0, 1}, one[3] = {1, 1, 1}, zero[3] = {0, 0, 0}, all[3] = {1, 1, 2};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
+        static const char dictionary[] = "{'descr':'|u1','fortran_order':False,'shape':(2,1,1,3)}";
+        static bytes file;
+        char path[200];
+        float got[6];
+        ex_volume_file header;
+        ex_color_grid colors;
+        ex_grid grid;
+        ex_error error;
+        file.count = 0;
+        if (cases[i].header) put_text(&file, cases[i].header);
+        if (strcmp(cases[i].name, "c.npy") == 0) {
+            put(&file, "\x93NUMPY\1\0", 8);
+            put_number(&file, sizeof dictionary - 1, EX_U16, 0);
+            put_text(&file, dictionary);
+        }
+        if (strcmp(cases[i].name, "c.nii") == 0) {
+            write_nifti(&file, EX_U8, 0);
+            file.count = 352;
+            put_number_at(&file, 42, 1, EX_I16, 0), put_number_at(&file, 44, 1, EX_I16, 0);
+            put_number_at(&file, 46, 2, EX_I16, 0);
+            put_number_at(&file, 70, 128, EX_I16, 0), put_number_at(&file, 72, 24, EX_I16, 0);
+        }
+        put(&file, cases[i].planes ? "\1\4\2\5\3\6" : "\1\2\3\4\5\6", 6);
+        write_file(cases[i].name, file.data, file.count);
+        snprintf(path, sizeof path, "%s/%s", folder, cases[i].name);
+        CHECK(read_volume(cases[i].name, &header, &grid, &error) != 0 && strstr(error.text, "--emission-volume"));
+        if (!CHECK(ex_volume_file_read(&header, path, &error) == 0 && header.voxels.components == 3) ||
+            !CHECK(ex_color_grid_load(&colors, &header.voxels, &error) == 0)) {
+            printf("    %s\n", error.text);
+            continue;
+        }
+        CHECK(colors.size[0] == 1 && colors.size[1] == 1 && colors.size[2] == 2);
+        ex_color_grid_read(&colors, zero, all, got);
+        for (int k = 0; k < 6; ++k) CHECK_NEAR((double)got[k], (k + 1) / 255.0, 1e-8); /* a float below 1/32 */
+        ex_color_grid_read(&colors, lo, one, got);
+        CHECK_NEAR((double)got[2], 6 / 255.0, 1e-8);
+        ex_color_grid_free(&colors);
+    }
+    ex_color_grid colors;
+    ex_volume_file header;
+    ex_grid grid;
+    ex_error error;
+    write_text("c.nrrd", NRRD_HEAD NRRD_REST "\nab");
+    if (must_read("c.nrrd", &header, &grid))
+        CHECK(ex_color_grid_load(&colors, &header.voxels, &error) != 0 && strstr(error.text, "one number per voxel"));
+    ex_grid_free(&grid);
+    write_text("c.nrrd", "NRRD0005\ndimension: 4\nsizes: 1 2 1 1\ntype: uint8\nencoding: raw\n"
+                         "kinds: stub space space space\n\nab");
+    if (must_read("c.nrrd", &header, &grid)) CHECK(header.voxels.components == 1 && grid.size[0] == 2);
+    ex_grid_free(&grid);
+}
+
+/* Booleans are 0 and 1, NaN and infinity of halves stay so, and the smallest halves are right. */
+static void test_other_types(void) {
+    static const uint16_t halves[] = {0x0001, 0x03ff, 0x0400, 0x3c00, 0x7bff, 0x8000, 0x3555};
+    static const double values[] = {0x1p-24, 0x3ffp-24, 0x1p-14, 1, 65504, 0, 0x555p-12};
+    static bytes file;
+    ex_volume_file header;
+    ex_grid grid;
+    float row[2];
+    for (size_t i = 0; i < sizeof halves / sizeof *halves; ++i)
+        CHECK((double)ex_half_value(halves[i]) == values[i] &&
+              (double)ex_half_value((uint16_t)(halves[i] ^ 0x8000u)) == -values[i]);
+    CHECK(ex_half_value(0x7c00) == INFINITY && ex_half_value(0xfc00) == -INFINITY);
+    CHECK(ex_half_value(0x7c01) != ex_half_value(0x7c01));
+    file.count = 0;
+    put(&file, "\x93NUMPY\1\0\x37\0", 10);
+    put_text(&file, "{'descr':'|b1','fortran_order':False,'shape':(1,1,2)  }");
+    put(&file, "\0\1", 2);
+    write_file("b.npy", file.data, file.count);
+    if (must_read("b.npy", &header, &grid)) {
+        ex_grid_row(&grid, 0, 0, 0, 2, row);
+        CHECK(row[0] == 0 && row[1] == 1);
+    }
+    ex_grid_free(&grid);
+}
+
+/* What a header says about its coordinates. */
+static void test_spaces(void) {
+    static const struct {
+        const char *name, *text, *space;
+    } files[] = {{"s.nrrd", NRRD_HEAD NRRD_REST "space: right-anterior-superior\n\nab", "RAS"},
+                 {"s.nrrd", NRRD_HEAD NRRD_REST "space: LPS\n\nab", "LPS"},
+                 {"s.nrrd", NRRD_HEAD NRRD_REST "space: scanner-xyz\n\nab", "scanner-xyz"},
+                 {"s.nrrd", NRRD_HEAD NRRD_REST "\nab", ""},
+                 {"s.mha", META_HEAD "AnatomicalOrientation = RAI\nElementDataFile = LOCAL\nab", "LPS"},
+                 {"s.mha", META_HEAD "AnatomicalOrientation = ???\nElementDataFile = LOCAL\nab", ""}};
+    static bytes file;
+    ex_volume_file header;
+    ex_grid grid;
+    for (size_t i = 0; i < sizeof files / sizeof *files; ++i) {
+        write_text(files[i].name, files[i].text);
+        if (must_read(files[i].name, &header, &grid)) CHECK(strcmp(header.space, files[i].space) == 0);
+        ex_grid_free(&grid);
+    }
+    for (int placed = 0; placed < 2; ++placed) {
+        write_nifti(&file, EX_U8, 0);
+        put_number_at(&file, 254, placed, EX_I16, 0);
+        write_file("s.nii", file.data, file.count);
+        if (must_read("s.nii", &header, &grid)) CHECK(strcmp(header.space, placed ? "RAS" : "") == 0);
+        ex_grid_free(&grid);
+    }
+}
+
+/* The bound on memory, for every format: what is unpacked, and what is packed. */
+static void test_memory(void) {
+    static bytes file;
+    for (int which = 0; which < FORMAT_COUNT; ++which) {
+        char path[200];
+        ex_volume_file header;
+        ex_grid grid;
+        ex_error error;
+        write_format(&file, (format)which, EX_U16, 0);
+        snprintf(path, sizeof path, "%s/%s", folder, format_names[which]);
+        if (!CHECK(ex_volume_file_read(&header, path, &error) == 0)) continue;
+        header.voxels.max_bytes = 2 * VOXELS - 1;
+        CHECK(ex_grid_load(&grid, &header.voxels, &error) != 0 && strstr(error.text, "; --max-bytes allows 119"));
+        header.voxels.max_bytes = FILE_MAX;
+        CHECK(ex_grid_load(&grid, &header.voxels, &error) == 0);
+        ex_grid_free(&grid);
+    }
+}
+
 /* ----------------------------------------------------------------------------------------------------------- errors */
 
 /* Whether a failure printed one line that begins with the folder of the test, and so with a file. */
@@ -485,7 +813,7 @@ static void test_truncated(void) {
         snprintf(path, sizeof path, "%s/%s", folder, format_names[which]);
         for (size_t length = file.count; length-- > 0;) {
             if (!CHECK(truncate(path, (off_t)length) == 0)) return;
-            if (survives(format_names[which], FILE_MAX) && which != NHDR && which != MHD)
+            if (survives(format_names[which], FILE_MAX) && !is_detached((format)which))
                 if (!CHECK(!"read from a file that is cut off")) printf("    %s, %zu\n", format_names[which], length);
         }
     }
@@ -509,10 +837,13 @@ static void test_flipped(void) {
     for (int which = 0; which < FORMAT_COUNT; ++which) {
         write_format(&file, (format)which, EX_I16, 0);
         const size_t voxels = VOXELS * sizeof(int16_t);
-        const size_t header = which == NHDR || which == MHD ? file.count : file.count - voxels;
-        for (size_t at = 0; at < header; ++at) {
+        const size_t header = is_detached((format)which) || is_packed((format)which) ? file.count : file.count - voxels;
+        const size_t kinds = is_packed((format)which) && !is_detached((format)which) ? 8 : 8 + sizeof bytes_of_note;
+        const int repeats =
+            is_packed((format)which) || which == PAIR_1 || which == PAIR_2; /* another format's header */
+        for (size_t at = 0; at < header; at += repeats && !check_long() ? 3 : 1) {
             const unsigned char kept = file.data[at];
-            for (size_t k = 0; k < 8 + sizeof bytes_of_note; ++k) {
+            for (size_t k = 0; k < kinds; ++k) {
                 patch_file(format_names[which], at, k < 8 ? (unsigned char)(kept ^ 1 << k) : bytes_of_note[k - 8]);
                 if (survives(format_names[which], file.count > voxels ? FILE_MAX : voxels))
                     ++readable;
@@ -549,19 +880,48 @@ static void test_wrong_nrrd(void) {
         {"w.nrrd", "", "w.nrrd: not a NRRD file"},
         {"w.nrrd", "P6 2 2 255\n", "w.nrrd: not a NRRD file"},
         {"w.nrrd", "NRRD0004\n\n", "w.nrrd: dimension: the header has no such field"},
-        {"w.nrrd", "NRRD0004\ndimension: 4\n\n", "w.nrrd: dimension: '4' is not supported: only 3 dimensions"},
+        {"w.nrrd", "NRRD0004\ndimension: 2\n\n", "w.nrrd: dimension: '2' is not supported: only 3 dimensions"},
+        {"w.nrrd", "NRRD0004\ndimension: 5\n\n", "w.nrrd: dimension: '5' is not supported: only 3 dimensions"},
+        {"w.nrrd", "NRRD0004\nsizes: 2 1 1\n\n", "w.nrrd: sizes: '2 1 1' comes before the dimension"},
+        {"w.nrrd", "NRRD0004\nkinds: space\n\n", "w.nrrd: kinds: 'space' comes before the dimension"},
         {"w.nrrd", "NRRD0004\ndimension: 3.5\n\n", "dimension: '3.5' is not a whole number"},
         {"w.nrrd", NRRD_HEAD "dimension: 3\n\n", "dimension: '3' is a second value of this field"},
         {"w.nrrd", NRRD_HEAD "sizes: 2 1\n\n", "sizes: '2 1' has too few numbers"},
         {"w.nrrd", NRRD_HEAD "sizes: 2 1 1 1\n\n", "sizes: '2 1 1 1' has too many numbers"},
-        {"w.nrrd", NRRD_HEAD "sizes: 2 1 0\n\n", "sizes: '2 1 0' is not three whole numbers within 1..65536"},
-        {"w.nrrd", NRRD_HEAD "sizes: 2 1 65537\n\n", "sizes: '2 1 65537' is not three whole numbers"},
-        {"w.nrrd", NRRD_HEAD "sizes: 2 -1 -1\n\n", "sizes: '2 -1 -1' is not three whole numbers"},
+        {"w.nrrd", NRRD_HEAD "type: uint8\nencoding: raw\nsizes: 2 1 0\n\n",
+         "sizes: '2 1 0' is not three whole numbers within 1..65536"},
+        {"w.nrrd", NRRD_HEAD "type: uint8\nencoding: raw\nsizes: 2 1 65537\n\n",
+         "sizes: '2 1 65537' is not three whole numbers"},
+        {"w.nrrd", NRRD_HEAD "type: uint8\nencoding: raw\nsizes: 2 -1 -1\n\n",
+         "sizes: '2 -1 -1' is not three whole numbers"},
         {"w.nrrd", NRRD_HEAD "sizes: nan 1 1\n\n", "sizes: 'nan 1 1' has a number out of range"},
-        {"w.nrrd", NRRD_HEAD "type: int64\n\n", "type: 'int64' is not supported"},
+        {"w.nrrd", NRRD_HEAD "type: int128\n\n", "type: 'int128' is not supported: only integers of up to 64"},
         {"w.nrrd", NRRD_HEAD "type: block\n\n", "type: 'block' is not supported"},
-        {"w.nrrd", NRRD_HEAD "encoding: gzip\n\n", "encoding: 'gzip' is not supported: only raw is"},
-        {"w.nrrd", NRRD_HEAD "encoding: text\n\n", "encoding: 'text' is not supported: only raw is"},
+        {"w.nrrd", NRRD_HEAD "encoding: bzip2\n\n", "encoding: 'bzip2' is not supported: only raw and gzip are"},
+        {"w.nrrd", NRRD_HEAD "encoding: hex\n\n", "encoding: 'hex' is not supported: only raw and gzip are"},
+        {"w.nrrd", NRRD_HEAD "encoding: text\n\n", "encoding: 'text' is not supported: only raw and gzip are"},
+        {"w.nrrd", NRRD_HEAD NRRD_PACKED "byte skip: -1\n\nab", "w.nrrd: byte skip: -1 is not possible with gzip"},
+        {"w.nrrd", NRRD_HEAD NRRD_PACKED "\nab", "w.nrrd: packed data: the end at byte 0"},
+        {"w.nrrd", NRRD_HEAD NRRD_PACKED "\n", "w.nrrd: the file holds 63 bytes, but 0 packed ones begin at byte 63"},
+        {"w.nrrd", NRRD_HEAD NRRD_PACKED "\n0123456789", "w.nrrd: packed data: no gzip header at byte 0"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST "kinds: space space\n\nab", "kinds: 'space space' has fewer words than"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST "kinds: space space space space\n\nab", "has more words than there are"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST "kinds: space time space\n\nab", "kinds: 'time' is not supported"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST "kinds: HSV-color space space\n\nab", "kinds: 'HSV-color' is not supported"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST "kinds: list space space\n\nab", "fewer than three axes lie in space"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST "space directions: none (0,1,0) (0,0,1)\n\nab", "fewer than three axes lie"},
+        {"w.nrrd", COLOR_HEAD "\nabc", "dimension: 4, but neither kinds nor space directions say which"},
+        {"w.nrrd", COLOR_HEAD "kinds: list vector space space\n\nabc", "fewer than three axes lie in space"},
+        {"w.nrrd", COLOR_HEAD "kinds: space list space space\n\nabc", "has components between its axes"},
+        {"w.nrrd", COLOR_HEAD "kinds: space space space list\n\nabc",
+         "sizes: '3 1 1 2' is not supported: only 1 and 3"},
+        {"w.nrrd", COLOR_HEAD "kinds: RGB-color space space space\n\nabcdef", "w.nrrd: 3 numbers per voxel are colors"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST "spacings: 1 2 3\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n\nab",
+         "spacings: axis 0 has a space direction, too"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST "spacings: nan nan 3\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n\nab",
+         "spacings: axis 2 has a space direction, too"},
+        {"w.nrrd", NRRD_HEAD "spacings: 1 2\n\n", "spacings: '1 2' has too few numbers"},
+        {"w.nrrd", NRRD_HEAD "spacings: 1 2 3 4\n\n", "spacings: '1 2 3 4' has too many numbers"},
         {"w.nrrd", NRRD_HEAD "endian: middle\n\n", "endian: 'middle' is neither little nor big"},
         {"w.nrrd", NRRD_HEAD "sizes: 1 1 1\ntype: short\nencoding: raw\n\nab", "endian: the header has no such field"},
         {"w.nrrd", NRRD_HEAD "bogus: 1\n\n", "w.nrrd: unknown field 'bogus'"},
@@ -569,7 +929,7 @@ static void test_wrong_nrrd(void) {
         {"w.nrrd", NRRD_HEAD "spacings: 1 0 1\n\n", "spacings: '1 0 1' has a 0"},
         {"w.nrrd", NRRD_HEAD "spacings: 1 1e16 1\n\n", "spacings: '1 1e16 1' has a number out of range"},
         {"w.nrrd", NRRD_HEAD "space directions: (1,0,0) (0,1,0)\n\n", "space directions: '(1,0,0) (0,1,0)' is not (x"},
-        {"w.nrrd", NRRD_HEAD "space directions: none (1,0,0) (0,1,0)\n\n", "space directions: 'none (1,0,0) (0,1,0)'"},
+        {"w.nrrd", NRRD_HEAD "space directions: nones (1,0,0) (0,1,0)\n\n", "'nones (1,0,0) (0,1,0)' is not (x"},
         {"w.nrrd", NRRD_HEAD NRRD_REST "space directions: (1,0,0) (0,1,0) (1,1,0)\n\nab",
          "space directions: the three axes lie in one plane"},
         {"w.nrrd", NRRD_HEAD NRRD_REST "space directions: (1e15,0,0) (0,1,0) (0,0,1)\n\nab",
@@ -589,7 +949,9 @@ static void test_wrong_nrrd(void) {
         {"w.nhdr", NRRD_HEAD NRRD_REST "data file: .\n", "not a regular file"},
         {"w.nhdr", NRRD_HEAD "data \033[31mfile: .\n", "unknown field 'data ?[31mfile'"},
         {"w.nrrd", NRRD_HEAD "type: uint8\nencoding: raw\nsizes: 65536 65536 65536\n\nab",
-         "size 65536,65536,65536 and type u8 call for 281474976710656"}};
+         "size 65536,65536,65536 and type u8 call for 281474976710656"},
+        {"w.nrrd", NRRD_HEAD "type: uint8\nencoding: gzip\nsizes: 65536 65536 65536\n\nab",
+         "size 65536,65536,65536 and type u8 take 281474976710656 bytes in memory; --max-bytes allows 4000000000"}};
     check_wrong(list, sizeof list / sizeof *list);
 }
 
@@ -600,11 +962,22 @@ static void test_wrong_meta_and_npy(void) {
         {"w.mha", "NDims = 2\n", "NDims: '2' is not supported: only 3 dimensions"},
         {"w.mha", "DimSize = 2 1 x\n", "DimSize: '2 1 x' has too few numbers"},
         {"w.mha", "ElementType = MET_LONG\n", "ElementType: 'MET_LONG' is not supported"},
-        {"w.mha", "CompressedData = True\n", "CompressedData: 'True' is not supported"},
+        {"w.mha", "CompressedDataSize = 0\n", "CompressedDataSize: '0' has a number out of range"},
+        {"w.mha", "ElementSize = 1 0 1\n", "ElementSize: '1 0 1' has a 0"},
+        {"w.mha", "ElementToIntensityFunctionSlope = 0\n",
+         "ElementToIntensityFunctionSlope: '0' makes all voxels equal"},
+        {"w.mha", "ElementToIntensityFunctionOffset = x\n",
+         "ElementToIntensityFunctionOffset: 'x' has too few numbers"},
+        {"w.mha", META_HEAD "CompressedData = True\nHeaderSize = -1\nElementDataFile = LOCAL\nab",
+         "HeaderSize: -1 is not possible with compressed voxels"},
+        {"w.mha", META_HEAD "CompressedData = True\nElementDataFile = LOCAL\nab",
+         "packed data: no zlib header at byte 0"},
+        {"w.mha", META_HEAD "CompressedData = True\nCompressedDataSize = 9\nElementDataFile = LOCAL\nab",
+         "but 9 packed ones begin at byte 1"},
         {"w.mha", "CompressedData = perhaps\n", "CompressedData: 'perhaps' is neither True nor False"},
         {"w.mha", "BinaryData = False\n", "BinaryData: 'False' means text"},
         {"w.mha", "ElementByteOrderMSB = 1\n", "ElementByteOrderMSB: '1' is neither True nor False"},
-        {"w.mha", "ElementNumberOfChannels = 3\n", "ElementNumberOfChannels: '3' is not supported: only one number"},
+        {"w.mha", "ElementNumberOfChannels = 2\n", "ElementNumberOfChannels: '2' is not supported: only 1 and 3"},
         {"w.mha", "ElementSpacing = 1 1 0\n", "ElementSpacing: '1 1 0' has a 0"},
         {"w.mha", "TransformMatrix = 1 0 0 0 1 0 0 0\n", "TransformMatrix: '1 0 0 0 1 0 0 0' has too few numbers"},
         {"w.mha", "Offset = 0 0 1e16\n", "Offset: '0 0 1e16' has a number out of range"},
@@ -623,8 +996,10 @@ static void test_wrong_meta_and_npy(void) {
          NPY_HEAD "\1\2\1"
                   "no dictionary",
          "w.npy: header length"},
-        {"w.nii", "", "w.nii: only 0 bytes, but the header has 352"},
-        {"w.nii.gz", "\x1f\x8b", "w.nii.gz: compressed files are not supported"}};
+        {"w.nii", "", "w.nii: only 0 bytes, but the header has 348 or 540"},
+        {"w.nii.gz", "\x1f\x8b", "w.nii.gz: packed data: the end at byte 0"},
+        {"w.npz", "PK", "w.npz: not a zip file: it has no list of members"},
+        {"w.nrrd.gz", "\x1f\x8b", "w.nrrd.gz: compressed files are not supported: gunzip it first"}};
     check_wrong(list, sizeof list / sizeof *list);
 }
 
@@ -637,15 +1012,17 @@ static void test_wrong_npy_dictionary(void) {
                 {"{}", "descr: the header has no such field"},
                 {"{'descr': '|u1', 'fortran_order': False}", "shape: the header has no such field"},
                 {"{'descr': '|u1', 'descr': '|u1'}", "descr: ''|u1'' is a second value of this field"},
-                {"{'descr': '<u8'}", "descr: 'u8' is not supported"},
-                {"{'descr': '|b1'}", "descr: 'b1' is not supported"},
+                {"{'descr': '<u16'}", "descr: 'u16' is not supported"},
+                {"{'descr': '|b2'}", "descr: 'b2' is not supported"},
                 {"{'descr': 'u2'}", "descr: 'u2' has no byte order"},
                 {"{'descr': [('r', '|u1')]}", "descr: '[('r', '|u1')]' is not supported"},
                 {"{'descr': '|u1}", "descr: ''|u1' is not supported"},
                 {"{'descr': '|u1'", "the header's dictionary is cut off or malformed"},
                 {"{'fortran_order': 0}", "fortran_order: '0' is neither True nor False"},
-                {"{'shape': (1, 2)}", "shape: '(1, 2)' is not (z, y, x): only 3 dimensions are supported"},
-                {"{'shape': (1, 2, 3, 4)}", "shape: '(1, 2, 3, 4)' is not (z, y, x)"},
+                {"{'shape': (1, 2)}", "shape: '(1, 2)' is not (z, y, x) or (z, y, x, 3): only 3 dimensions"},
+                {"{'shape': (1, 2, 3, 4)}", "shape: '(1, 2, 3, 4)' is not supported: only 1 and 3 numbers"},
+                {"{'shape': (1, 2, 3, 4, 5)}", "shape: '(1, 2, 3, 4, 5)' is not (z, y, x)"},
+                {"{'shape':(1,1,1,3),'descr':'|u1', 'fortran_order':True}", "fortran_order: colors are supported in C"},
                 {"{'shape': (1, 2, 0)}", "shape: '(1, 2, 0)' is not three whole numbers"},
                 {"{'shape': (1, 2, 3}", "the header's dictionary is cut off or malformed"},
                 {"{'color': 1}", "unknown field 'color'"},
@@ -680,13 +1057,13 @@ static void test_wrong_nifti(void) {
         double number;
         ex_type type;
         const char *words;
-    } list[] = {{0, 540, EX_I32, "sizeof_hdr: not the 348"},
+    } list[] = {{0, 541, EX_I32, "sizeof_hdr: not the 348"},
                 {40, 2, EX_I16, "dim[0]: 2 dimensions are not supported"},
                 {40, 8, EX_I16, "dim[0]: 8 dimensions are not supported"},
                 {42, 0, EX_I16, "dim: '0 4 5' is not three whole numbers"},
                 {46, -5, EX_I16, "dim: '3 4 -5' is not three whole numbers"},
                 {46, 6, EX_I16, "size 3,4,6 and type u8 call for 72, after the first 352"},
-                {70, 128, EX_I16, "datatype: '128' is not supported"},
+                {70, 2304, EX_I16, "datatype: '2304' is not supported"},
                 {72, 16, EX_I16, "bitpix: 16 does not match the datatype"},
                 {108, 348, EX_F32, "vox_offset: 348 is not a whole number from 352 on"},
                 {108, 1e30, EX_F32, "vox_offset: 1e+30 is not a whole number"},
@@ -694,7 +1071,7 @@ static void test_wrong_nifti(void) {
                 {280, 1e18, EX_F32, "srow: the volume's edges are not within 1e15"},
                 {296, 0, EX_F32, "srow: the three axes lie in one plane"},
                 {292, 1e16, EX_F32, "srow: 1e+16 is out of range"},
-                {344, 'x', EX_U8, "magic: 'x+1' is not n+1"}};
+                {344, 'x', EX_U8, "magic: 'x+1' is not that of a file with header and voxels"}};
     static const double no_scale[2] = {2, 0};
     static bytes file;
     ex_volume_file header;
@@ -718,6 +1095,119 @@ static void test_wrong_nifti(void) {
     ex_grid_free(&grid);
 }
 
+/* Pairs, NIfTI-2 and packed ones. */
+static void test_wrong_nifti_files(void) {
+    static const struct {
+        const char *name, *magic, *words; /* magic NULL: Analyze 7.5 */
+        int version;
+    } list[] = {{"w.hdr", "n+1", "magic: 'n+1' says that the voxels are in the same file", 1},
+                {"w.hdr", "ni1", "w.img: No such file", 1},
+                {"w.hdr", NULL, "magic: '' is not that of NIfTI; Analyze 7.5 is not supported", 1},
+                {"w.nii", "ni1", "magic: 'ni1' is not that of a file with header and voxels", 1},
+                {"w.nii", "ni2", "magic: 'ni2' is not that of a file with header and voxels", 2},
+                {"w.hdr", "n+2", "magic: 'n+2' says that the voxels are in the same file", 2},
+                {"w.hdr", "ni2", "w.img: No such file", 2}};
+    static bytes file;
+    ex_volume_file header;
+    ex_grid grid;
+    ex_error error;
+    for (size_t i = 0; i < sizeof list / sizeof *list; ++i) {
+        const int is_first = list[i].version == 1;
+        if (is_first)
+            write_nifti(&file, EX_U8, 0);
+        else
+            write_nifti_2(&file, EX_U8, 0);
+        memset(file.data + (is_first ? 344 : 4), 0, 4);
+        if (list[i].magic) memcpy(file.data + (is_first ? 344 : 4), list[i].magic, 4);
+        write_file(list[i].name, file.data, file.count);
+        CHECK(read_volume(list[i].name, &header, &grid, &error) != 0);
+        if (!CHECK(is_complaint(&error)) || !CHECK(strstr(error.text, list[i].words) != NULL))
+            printf("    '%s' is not in: %s\n", list[i].words, error.text);
+    }
+    write_nifti_2(&file, EX_U8, 0);
+    write_file("w.nii", file.data, 541);
+    CHECK(read_volume("w.nii", &header, &grid, &error) != 0 &&
+          strstr(error.text, "only 541 bytes, but the header has 544"));
+    put_number_at(&file, 24, 1e10, EX_I64, 0); /* dim[1] */
+    write_file("w.nii", file.data, file.count);
+    CHECK(read_volume("w.nii", &header, &grid, &error) != 0 &&
+          strstr(error.text, "dim: '1e+10 4 5' is not three whole"));
+    write_nifti_2(&file, EX_U8, 0);
+    put_number_at(&file, 168, 543, EX_I64, 0);
+    write_file("w.nii", file.data, file.count);
+    CHECK(read_volume("w.nii", &header, &grid, &error) != 0 &&
+          strstr(error.text, "543 is not a whole number from 544 on"));
+}
+
+static void check_zip(const unsigned char *data, size_t size, const char *words) {
+    ex_volume_file header;
+    ex_grid grid;
+    ex_error error;
+    write_file("w.npz", data, size);
+    CHECK(read_volume("w.npz", &header, &grid, &error) != 0);
+    if (!CHECK(is_complaint(&error)) || !CHECK(strstr(error.text, words) != NULL))
+        printf("    '%s' is not in: %s\n", words, error.text);
+}
+
+/* A zip file with a number changed, and what is said then. Offsets count from the end for the last record, and from its
+   entry in the list for a member. */
+static void test_wrong_zip(void) {
+    static const struct {
+        int in_list; /* 1: an entry of the list, 0: the last record, 2: the member's own header */
+        size_t at;
+        double number;
+        ex_type type;
+        const char *words;
+    } list[] = {{0, 16, 4294967295.0, EX_U32, "zip64, which is not supported"},
+                {0, 10, 65535, EX_U16, "zip64, which is not supported"},
+                {0, 4, 1, EX_U16, "an archive in several parts is not supported"},
+                {0, 12, 4000, EX_U32, "the list of members is not in the file"},
+                {0, 16, 1, EX_U32, "the list of members is cut off or malformed"},
+                {0, 10, 2, EX_U16, "the list of members is cut off or malformed"},
+                {0, 10, 0, EX_U16, "there is no .npy in it"},
+                {1, 8, 1, EX_U16, "'a.npy' is encrypted"},
+                {1, 10, 12, EX_U16, "'a.npy' is packed by method 12; only deflate"},
+                {1, 24, 4294967295.0, EX_U32, "'a.npy' is zip64"},
+                {1, 28, 300, EX_U16, "the list of members is cut off or malformed"},
+                {1, 42, 1, EX_U32, "byte 1: no member begins here"},
+                {1, 42, 99999, EX_U32, "byte 99999: a member is not in the file"},
+                {1, 20, 99999, EX_U32, "byte 0: a member is not in the file"},
+                {1, 16, 7, EX_U32, "the data from byte 39 on have a wrong checksum"},
+                {1, 24, 9, EX_U32, "call for 60, after the first 128"},
+                {2, 26, 60000, EX_U16, "byte 0: a member is not in the file"}};
+    static bytes file, plain;
+    ex_volume_file header;
+    ex_grid grid;
+    ex_error error;
+    char path[200];
+    write_npy(&plain, EX_U8, 0, 1, 0);
+    for (size_t i = 0; i < sizeof list / sizeof *list; ++i) {
+        const zip_member member = {"a.npy", plain.data, plain.count, 8};
+        file.count = zip_all(&member, 1, file.data, FILE_MAX);
+        const size_t last = file.count - 22, entry = last - 46 - strlen(member.name);
+        put_number_at(&file,
+                      (list[i].in_list == 0   ? last
+                       : list[i].in_list == 1 ? entry
+                                              : 0) +
+                          list[i].at,
+                      list[i].number, list[i].type, 0);
+        check_zip(file.data, file.count, list[i].words);
+    }
+    const zip_member three[3] = {{"a.npy", plain.data, plain.count, 8}, {"b.npy", "no array", 8, 0}, {"c", "", 0, 0}};
+    file.count = zip_all(three, 3, file.data, FILE_MAX);
+    check_zip(file.data, file.count, "only one array is read, but there are 2: a b");
+    snprintf(path, sizeof path, "%s/w.npz", folder);
+    CHECK(ex_volume_file_read_array(&header, path, "c", &error) != 0 &&
+          strstr(error.text, "'c' is not in it; there are a b"));
+    CHECK(ex_volume_file_read_array(&header, path, "b", &error) != 0 && strstr(error.text, "not an NPY file"));
+    CHECK(ex_volume_file_read_array(&header, path, "a.npy", &error) == 0);
+    if (CHECK(ex_volume_file_read_array(&header, path, "a", &error) == 0) &&
+        CHECK(ex_grid_load(&grid, &header.voxels, &error) == 0)) {
+        CHECK(has_numbers(&grid, EX_U8));
+        ex_grid_free(&grid);
+    }
+}
+
 /* ----------------------------------------------------------------------------------------------------- build/render */
 
 #define LOOK "--extinction 4 --light directional,1,-1,-1,9,9,9 --width 20 --height 15 --scattering single "
@@ -725,8 +1215,10 @@ static void test_wrong_nifti(void) {
 /* One scan, raw with everything in options, and with a header: the same bits. */
 static void test_pictures(void) {
     static const char *const ways[] = {
-        "--volume a.nrrd ", "--volume a.nhdr ", "--volume a.mha ", "--volume a.mhd ",
-        "--volume a.nii ",  "--volume a.npy ",  "--volume d.npy ", "--size 3,4,5 --volume wrong.mhd "};
+        "--volume a.nrrd ", "--volume a.nhdr ",   "--volume a.mha ", "--volume a.mhd ",
+        "--volume a.nii ",  "--volume a.npy ",    "--volume d.npy ", "--size 3,4,5 --volume wrong.mhd ",
+        "--volume b.nrrd ", "--volume a.nii.gz ", "--volume b.mhd ", "--volume b.hdr ",
+        "--volume b.npz "};
     static char raw[FILE_MAX], other[FILE_MAX];
     static bytes file;
     char options[500];
@@ -770,6 +1262,25 @@ static void test_placed_pictures(void) {
     CHECK(sum > 10 && rim < 1e-3 * sum); /* of 300 pixels */
 }
 
+/* A NaN ends the render, or counts as 0: the picture is that of a file with a 0 there. */
+static void test_replaced(void) {
+    static const char *const names[] = {"--replace-invalid --volume nan.npy ", "--volume zero.npy "};
+    static char pictures[2][FILE_MAX];
+    for (int i = 0; i < 2; ++i) {
+        static bytes file;
+        char options[500];
+        write_npy(&file, EX_F32, 0, 1, 0);
+        put_number_at(&file, file.count - 4 * 31, i ? 0 : (double)NAN, EX_F32, 0);
+        put_number_at(&file, file.count - 4 * 30, i ? 0 : HUGE_VAL, EX_F32, 0);
+        write_file(i ? "zero.npy" : "nan.npy", file.data, file.count);
+        snprintf(options, sizeof options, "%s" LOOK "--pfm other.pfm", names[i]);
+        CHECK(run_render(options).status == 0);
+        CHECK(read_file("other.pfm", pictures[i], sizeof pictures[i]) > 12 * 20 * 15);
+    }
+    CHECK(memcmp(pictures[0], pictures[1], sizeof pictures[0]) == 0);
+    CHECK(run_render("--volume nan.npy " LOOK "--pfm other.pfm").status == 2);
+}
+
 static void test_complaints(void) {
     static const complaint list[] = {
         {"--volume a.nrrd --plan >plan", 0, NULL},
@@ -780,15 +1291,23 @@ static void test_complaints(void) {
         {"--volume a.raw --plan", 2, "--volume a.raw has no --size"},
         {"--volume a.mhd --out a.raw", 2, "--out a.raw is a file that --volume reads"},
         {"--volume none.nrrd --plan", 2, "none.nrrd: No such file"},
-        {"--volume broken.nrrd --plan", 2, "broken.nrrd: encoding: 'gzip' is not supported: only raw is"},
+        {"--volume broken.nrrd --plan", 2, "broken.nrrd: encoding: 'bzip2' is not supported: only raw and gzip are"},
+        {"--volume a.nrrd --max-bytes 119 --plan", 2, "take 120 bytes in memory; --max-bytes allows 119"},
+        {"--volume a.nrrd --max-bytes 120 --plan >plan", 0, NULL},
+        {"--max-bytes 0 --plan", 2, "--max-bytes: '0' is out of range"},
+        {"--volume a.nrrd --volume a.nii --plan >plan", 0, "a.nrrd are LPS, those of "},
+        {"--volume a.nrrd --volume a.mha --volume a.npy --plan >plan", 0, NULL},
+        {"--volume a.nrrd --volume a.nii --box 0,0,0,1,1,1 --plan >plan", 0, NULL},
+        {"--volume color.nrrd --plan", 2, "are colors, for --albedo-volume or --emission-volume"},
         {"--volume a.NRRD.gz --plan", 2, "a.NRRD.gz: No such file"},
         {"--volume a.nrrd --transfer high.txt --plan", 2, "u16 voxels stand for 0..1"},
         {"--volume f.nrrd --transfer high.txt --plan >plan", 0, NULL},
         {"--volume f.nrrd --range 0,1 --transfer high.txt --plan", 2, "f32 voxels stand for 0..1"}};
     static bytes file;
-    write_nrrd(&file, EX_F32, 0, NULL);
+    write_nrrd(&file, EX_F32, 0, "raw", NULL);
     write_file("f.nrrd", file.data, file.count);
-    write_text("broken.nrrd", NRRD_HEAD "encoding: gzip\n\n");
+    write_text("broken.nrrd", NRRD_HEAD "encoding: bzip2\n\n");
+    write_text("color.nrrd", COLOR_HEAD "kinds: RGB-color space space space\n\nabcdef");
     write_text("high.txt", "0 1 1 1 0\n70 1 1 1 0\n90 1 1 1 9\n");
     CHECK_COMPLAINTS(list);
 }
@@ -800,6 +1319,7 @@ static void test_render(void) {
     }
     test_pictures();
     test_placed_pictures();
+    test_replaced();
     test_complaints();
 }
 
@@ -833,7 +1353,13 @@ int main(void) {
     RUN(test_nifti_placement);
     RUN(test_spacing);
     RUN(test_skipping);
+    RUN(test_packed_skipping);
     RUN(test_values);
+    RUN(test_scaled_meta);
+    RUN(test_colors);
+    RUN(test_other_types);
+    RUN(test_spaces);
+    RUN(test_memory);
     RUN(test_ranges_of_blocks);
     RUN(test_truncated);
     RUN(test_flipped);
@@ -841,6 +1367,8 @@ int main(void) {
     RUN(test_wrong_meta_and_npy);
     RUN(test_wrong_npy_dictionary);
     RUN(test_wrong_nifti);
+    RUN(test_wrong_nifti_files);
+    RUN(test_wrong_zip);
     RUN(test_render);
     RUN(test_real_scans);
     folder_end();

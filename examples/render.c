@@ -1,6 +1,6 @@
-/* render: the library from the command line. Volumes (raw, NRRD, MetaImage, NIfTI, NPY), particles and OBJ meshes in;
-   PNG, PFM, OpenEXR, Radiance HDR and statistics out.
-   Exit status: 0 done; 1 the render failed; 2 an option or a file was wrong. The last two with one line on stderr. */
+/* render: the library from the command line. Volumes (raw, NRRD, MetaImage, NIfTI, NPY, OpenVDB, NanoVDB), particles
+   and OBJ meshes in; PNG, PFM, OpenEXR, Radiance HDR and statistics out. Exit status: 0 done; 1 the render failed; 2 an
+   option or a file was wrong. The last two with one line on stderr. */
 
 #include "blackbody.h"
 #include "exr.h"
@@ -18,10 +18,14 @@ static void to_floats(const double *from, float *out) {
 }
 
 /* Surface shading needs a transfer function. Without one, extinction is proportional to the value, as in a gas. */
-static void make_linear_transfer(volume_arguments *volume) {
+static int make_linear_transfer(volume_arguments *volume, ex_error *error) {
     float range[2];
     const int zero[3] = {0, 0, 0};
-    ex_grid_range(&volume->grid, zero, volume->grid.size, range);
+    if (volume->sparse.table) {
+        if (ex_sparse_highest(&volume->sparse, &range[1], error)) return 1;
+    } else {
+        ex_grid_range(&volume->grid, zero, volume->grid.size, range);
+    }
     volume->points.points = (sps_transfer_point *)ex_allocate(2, sizeof(sps_transfer_point));
     volume->points.point_count = 2;
     sps_transfer_point *points = volume->points.points;
@@ -29,6 +33,7 @@ static void make_linear_transfer(volume_arguments *volume) {
     to_floats(volume->albedo, points[1].albedo);
     points[1].value = range[1] > 0.0f ? range[1] : 1.0f;
     points[1].extinction = (float)fmin(volume->extinction * (double)points[1].value, LARGEST);
+    return 0;
 }
 
 /* Covers the values in the file, up to four times the temperature that stands for 1. */
@@ -56,11 +61,13 @@ static int check_transfer(const volume_arguments *volume, ex_error *error) {
 }
 
 static int load_volume(volume_arguments *from, sps_volume *volume, ex_error *error) {
-    if (ex_grid_load(&from->grid, &from->voxels, error)) return 1;
-    memcpy(volume->size, from->grid.size, sizeof volume->size);
+    const int is_sparse = from->sparse.table != NULL;
+    if (!is_sparse && ex_grid_load(&from->grid, &from->voxels, error)) return 1;
+    memcpy(volume->size, from->voxels.size, sizeof volume->size);
     volume->placement = from->placement;
     memcpy(volume->crop, from->crop, sizeof volume->crop);
     volume->read_fn = ex_grid_read, volume->range_fn = ex_grid_range, volume->user = &from->grid;
+    if (is_sparse) volume->read_fn = ex_sparse_read, volume->range_fn = ex_sparse_range, volume->user = &from->sparse;
     volume->concurrent = 1;
     volume->extinction = (float)from->extinction;
     to_floats(from->albedo, volume->albedo);
@@ -74,7 +81,7 @@ static int load_volume(volume_arguments *from, sps_volume *volume, ex_error *err
     } else if (has(from->given, "--temperature")) {
         make_temperature_transfer(from);
     } else if (from->shading) {
-        make_linear_transfer(from);
+        if (make_linear_transfer(from, error)) return 1;
     } else {
         return 0;
     }
@@ -339,6 +346,11 @@ static int explain(const arguments *all, const ex_session *session, sps_result r
     sps_error_info why;
     char subject[600];
     sps_get_error(session->context, &why);
+    for (int i = 0; i < all->volume_count; ++i)
+        if (result == SPS_ERROR_CALLBACK && all->volumes[i].sparse.has_failed) {
+            *error = all->volumes[i].sparse.failure;
+            return EX_MISTAKEN;
+        }
     name_subject(all, &why, subject, sizeof subject);
     if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_LIGHT)
         way_out = " (--shadow auto, --no-shadows and --reference have no such limit)";
@@ -490,6 +502,16 @@ static int render(const arguments *all, ex_session *session, const sps_scene *sc
     return status;
 }
 
+/* Beyond the box of a volume there is nothing, whatever the file says. */
+static void tell_backgrounds(const arguments *all) {
+    for (int i = 0; i < all->volume_count; ++i) {
+        const ex_sparse *grid = &all->volumes[i].sparse;
+        if (grid->table && ex_sparse_value(grid, grid->background) > 0)
+            fprintf(stderr, "render: %s: grid %s: its background, %g, fills its box; beyond, there is nothing\n",
+                    ex_quoted(grid->path).text, ex_quoted(grid->name).text, (double)grid->background);
+    }
+}
+
 /* Loads the scene, and plans or renders it. Returns the exit status. */
 static int run_checked(arguments *all, const scene_arrays *arrays, ex_error *error) {
     ex_session session;
@@ -498,6 +520,7 @@ static int run_checked(arguments *all, const scene_arrays *arrays, ex_error *err
     memset(&scene, 0, sizeof scene);
     memset(&view, 0, sizeof view);
     if (load_scene(all, arrays, &scene, error)) return EX_MISTAKEN;
+    tell_backgrounds(all);
     make_view(all, &view);
     if (ex_session_begin(&session, all->threads, error)) return EX_FAILED;
     const int status =
@@ -526,7 +549,10 @@ static void begin_arguments(arguments *all, const settings *given) {
 }
 
 static void free_arguments(arguments *all) {
-    for (int i = 0; i < all->volume_count; ++i) ex_grid_free(&all->volumes[i].grid);
+    for (int i = 0; i < all->volume_count; ++i) {
+        ex_grid_free(&all->volumes[i].grid);
+        ex_sparse_free(&all->volumes[i].sparse);
+    }
     for (int i = 0; i == 0 || i < all->volume_count; ++i) ex_transfer_free(&all->volumes[i].points);
     for (int i = 0; i < all->mesh_count; ++i) ex_mesh_free(&all->meshes[i].mesh);
     for (int i = 0; i < all->particle_set_count; ++i) ex_particles_free(&all->particles[i].particles);
@@ -537,6 +563,34 @@ static void free_arguments(arguments *all) {
     free(all->lights);
 }
 
+/* A line about one grid. Voxels and box are those that are active. */
+static void print_grid(void *user, const ex_sparse *grid, const char *reason) {
+    (void)user;
+    printf("%s: %s, ", ex_quoted(grid->name).text, ex_quoted(grid->type).text);
+    if (*reason) {
+        printf("%s\n", reason);
+        return;
+    }
+    printf("class %s, %" PRIu64 " voxels, from %d,%d,%d to %d,%d,%d\n",
+           grid->grid_class[0] ? ex_quoted(grid->grid_class).text : "unknown", grid->voxel_count, grid->low[0],
+           grid->low[1], grid->low[2], grid->low[0] + grid->size[0] - 1, grid->low[1] + grid->size[1] - 1,
+           grid->low[2] + grid->size[2] - 1);
+}
+
+static int list_grids(const arguments *all, ex_error *error) {
+    if (all->volume_count == 0) return ex_fail(error, "--list-grids: there is no --volume that it could be about");
+    for (int i = 0; i < all->volume_count; ++i) {
+        const char *path = all->volumes[i].file;
+        const int kind = sparse_kind(path);
+        if (!kind) return ex_fail(error, "--list-grids: %s is not an OpenVDB or NanoVDB file", path);
+        if (all->volume_count > 1) printf("%s\n", path);
+        if (kind == 'v' ? ex_vdb_list(path, (uint64_t)all->max_bytes, print_grid, NULL, error)
+                        : ex_nvdb_list(path, (uint64_t)all->max_bytes, print_grid, NULL, error))
+            return 1;
+    }
+    return 0;
+}
+
 /* Does what the settings say. Returns the exit status. */
 static int run(arguments *all, ex_error *error) {
     scene_arrays arrays;
@@ -545,6 +599,7 @@ static int run(arguments *all, ex_error *error) {
         print_help();
         return EX_OK;
     }
+    if (all->list_grids) return list_grids(all, error) ? EX_MISTAKEN : EX_OK;
     if (find_volumes(all, error) || check(all, error)) return EX_MISTAKEN;
     const size_t most = all->settings->count + 1;
     arrays.volumes = (sps_volume *)ex_allocate(most, sizeof *arrays.volumes);

@@ -5,14 +5,16 @@
 
 #include "arguments.h"
 #include "mesh.h"
+#include "nvdb.h"
 #include "particles.h"
 #include "slide.h"
 #include "transfer.h"
+#include "vdb.h"
 #include "volume_file.h"
 
 /* The library accepts no more; and conversions to float stay finite. */
-#define LARGEST  1e18 /* extinctions and colors */
-#define FARTHEST EX_COORDINATE_MAX
+#define LARGEST   1e18 /* extinctions and colors */
+#define FARTHEST  EX_COORDINATE_MAX
 
 /* ============================================================================================== arguments */
 
@@ -29,8 +31,8 @@ typedef struct phase_lobes {
 /* Structs whose fields options set begin with `given`: which options were given for them. */
 typedef struct volume_arguments {
     option_set given;
-    const char *file, *transfer_file;
-    int size[3], type, shading, classify;
+    const char *file, *transfer_file, *grid_name;
+    int size[3], type, shading, classify, fog;
     int crop[6];
     double range[2], box[6], extinction, albedo[3], emission[3], ambient[3];
     double temperature[2]; /* in kelvin at value 1, and luminance per world unit there */
@@ -39,6 +41,7 @@ typedef struct volume_arguments {
     char space[64];       /* what the header says its coordinates are: ex_volume_file.space */
     sps_placement placement;
     ex_grid grid;
+    ex_sparse sparse; /* instead of the grid, where the file is .vdb or .nvdb: its size is then not 0 */
     ex_transfer points;
     sps_transfer transfer;
 } volume_arguments;
@@ -109,7 +112,7 @@ typedef struct arguments {
     int volume_count, particle_set_count, mesh_count, light_count;
     double camera[6], up[3], fov, ortho, ambient[3], background[3], slab;
     int width, height, region[4], coverage, shadow_resolution, quality, no_shadows, reference, samples, scattering,
-        scattering_resolution, filling, threads, replace_invalid, plan, help;
+        scattering_resolution, filling, threads, replace_invalid, plan, list_grids, help;
     int shadow, map_size, table_size;
     double map_epsilon, scattering_tolerance, tolerance, budget_seconds, budget_error, max_bytes;
     sps_tmap_settings map; /* of all lights that cast shadows by maps; options set its fields */
@@ -428,6 +431,8 @@ static const option_rule options[] = {
     {"--range", "LOW,HIGH", "numbers in the file that become the values 0 and 1; what lies beyond counts as these", set_range, OF_VOLUME(range), 2, -LARGEST, LARGEST, NULL},
     {"--box", "x0,y0,z0,x1,y1,z1", "two opposite corners in the world; default: the header's, or 0,0,0,1,1,1", set_reals, OF_VOLUME(box), 6, COORDINATES},
     {"--crop", "i0,j0,k0,i1,j1,k1", "faces between voxels that cut the volume; default: all of it", set_integers, OF_VOLUME(crop), 6, 0, 65536, NULL},
+    {"--grid", "NAME", "of a .vdb or .nvdb file; default: density, or else the first that can be read", set_text, OF_VOLUME(grid_name), NO_NUMBERS},
+    {"--fog", NULL, "reads a level set of such a file: 1 inside, 0 outside, linear across its band", set_flag, OF_VOLUME(fog), NO_NUMBERS},
     {"--extinction", "S", "per world unit at value 1; default 1; not with --transfer", set_reals, OF_VOLUME(extinction), 1, POSITIVE},
     {"--albedo", "r,g,b", "default 0.8,0.8,0.8; not with --transfer", set_reals, OF_VOLUME(albedo), 3, 0, 1, NULL},
     {"--emission", "r,g,b", "radiance per world unit at value 1; default 0,0,0; for a gas, not with --transfer", set_reals, OF_VOLUME(emission), 3, POSITIVE},
@@ -497,6 +502,7 @@ static const option_rule options[] = {
     {"--radiance-hdr", "FILE.hdr", "Radiance picture (RGBE): linear radiance", set_text, OF_SCENE(radiance_hdr), NO_NUMBERS},
     {"--stats", "FILE.json", "what the render did, and how long it took", set_text, OF_SCENE(stats), NO_NUMBERS},
     {"--plan", NULL, "says what would run, and why, and renders nothing; not with --reference", set_flag, OF_SCENE(plan), NO_NUMBERS},
+    {"--list-grids", NULL, "says what grids the .vdb and .nvdb files have, and renders nothing", set_flag, OF_SCENE(list_grids), NO_NUMBERS},
     {"--help", NULL, "this text", set_flag, OF_SCENE(help), NO_NUMBERS},
 };
 /* clang-format on */
@@ -511,6 +517,7 @@ static const char *const headings[][2] = {
      "  File names in it are relative to the look. Options after --look override those of the look."},
     {"--volume",
      "Volumes. Options apply to the --volume before them; those before the first --volume, to the first.\n"
+     "  OpenVDB and NanoVDB files (.vdb, .nvdb) are known by their first bytes; their numbers are f32.\n"
      "  Files ending in .nrrd, .nhdr (NRRD), .mhd, .mha (MetaImage), .nii, .nii.gz, .hdr (NIfTI), .npy or .npz\n"
      "  have a header: it determines size, type, byte order, spacing and placement, unless an option below\n"
      "  does. Voxels may be packed by gzip or zlib. Coordinates are used as they are in the file. Without any\n"
@@ -722,30 +729,90 @@ static int check_temperature(const volume_arguments *volume, ex_error *error) {
     return 0;
 }
 
+/* OpenVDB and NanoVDB files are known by their first bytes: v, n, or 0 for any other file. */
+static int sparse_kind(const char *path) {
+    char start[8] = "";
+    FILE *file = fopen(path, "rb");
+    if (!file) return 0;
+    const size_t got = fread(start, 1, sizeof start, file);
+    fclose(file);
+    if (got == sizeof start && memcmp(start, " BDV\0\0\0\0", 8) == 0) return 'v';
+    return got == sizeof start && memcmp(start, "NanoVDB", 7) == 0 ? 'n' : 0;
+}
+
+static int ends_with(const char *text, const char *ending) {
+    const size_t length = strlen(text), part = strlen(ending);
+    return length >= part && strcasecmp(text + length - part, ending) == 0;
+}
+
+/* Options for such files say nothing about others; nor can options replace what such a file says itself. */
+static int check_sparse(const volume_arguments *volume, int kind, ex_error *error) {
+    static const char *const own[] = {"--grid", "--fog"}, *const others[] = {"--size", "--type"};
+    for (int i = 0; i < 2; ++i) {
+        if (!kind && has(volume->given, own[i]))
+            return ex_fail(error, "%s says nothing about %s, which is not an OpenVDB or NanoVDB file", own[i],
+                           volume->file);
+        if (kind && has(volume->given, others[i]))
+            return ex_fail(error, "%s says nothing about %s: an OpenVDB or NanoVDB file has its own", others[i],
+                           volume->file);
+    }
+    if (!kind && ends_with(volume->file, "vdb") && !has(volume->given, "--size"))
+        return ex_fail(error, "%s: not an OpenVDB or NanoVDB file: it starts with neither ' BDV' nor NanoVDB",
+                       volume->file);
+    if (has(volume->given, "--fog") && has(volume->given, "--range"))
+        return ex_fail(error, "--fog and --range of %s exclude each other: a fog is 0 to 1", volume->file);
+    return 0;
+}
+
+/* Opens a grid of an OpenVDB or a NanoVDB file. Its leaves are read when the library asks for them. */
+static int open_sparse(volume_arguments *volume, int kind, ex_error *error) {
+    static const int none[3] = {0, 0, 0};
+    const uint64_t max_bytes = (uint64_t)volume->voxels.max_bytes;
+    ex_sparse *grid = &volume->sparse;
+    if (ex_voxel_file_raw(&volume->voxels, volume->file, none, EX_F32, error)) return 1;
+    if (kind == 'v' ? ex_vdb_open(grid, volume->file, volume->grid_name, max_bytes, error)
+                    : ex_nvdb_open(grid, volume->file, volume->grid_name, max_bytes, error))
+        return 1;
+    if (ex_sparse_check(grid, volume->fog, error)) return 1;
+    ex_sparse_scale(grid, volume->range, volume->fog);
+    memcpy(volume->voxels.size, grid->size, sizeof grid->size);
+    memcpy(volume->voxels.range, volume->range, sizeof volume->range);
+    volume->placement = ex_sparse_placement(grid);
+    return 0;
+}
+
+/* Places a volume by the two corners of --box. */
+static void place_by_box(volume_arguments *volume) {
+    memset(&volume->placement, 0, sizeof volume->placement);
+    for (int a = 0; a < 3; ++a) {
+        volume->placement.origin[a] = volume->box[a];
+        volume->placement.axis[a][a] = volume->box[3 + a] - volume->box[a];
+    }
+}
+
 /* Finds out where the voxels are and what they mean, from the file's header, if it has one, and from options. */
 static int find_voxels(volume_arguments *volume, ex_error *error) {
-    const int has_header = ex_volume_format_of(volume->file) != NULL;
+    const int kind = sparse_kind(volume->file), has_header = ex_volume_format_of(volume->file) != NULL;
     ex_volume_file file;
     ex_voxel_file *voxels = &file.voxels;
+    if (check_sparse(volume, kind, error)) return 1;
+    if (kind) {
+        if (open_sparse(volume, kind, error)) return 1;
+        if (has(volume->given, "--box")) place_by_box(volume);
+        return 0;
+    }
     if (has_header ? ex_volume_file_read(&file, volume->file, error)
                    : ex_voxel_file_raw(voxels, volume->file, volume->size, (ex_type)volume->type, error))
         return 1;
     if (has(volume->given, "--size")) memcpy(voxels->size, volume->size, sizeof voxels->size);
     if (has(volume->given, "--type")) voxels->type = (ex_type)volume->type;
-    for (int k = 0; k < 3 && has(volume->given, "--crop"); ++k)
-        if (volume->crop[k] >= volume->crop[3 + k] || volume->crop[3 + k] > voxels->size[k])
-            return ex_fail(error, "--crop of %s: faces %d and %d along %c leave no voxel of its %d", volume->file,
-                           volume->crop[k], volume->crop[3 + k], 'x' + k, voxels->size[k]);
     if (has(volume->given, "--range")) memcpy(voxels->range, volume->range, sizeof voxels->range);
     volume->voxels = *voxels;
     if (has_header && !has(volume->given, "--box")) {
         memcpy(volume->space, file.space, sizeof volume->space);
         volume->placement = ex_volume_file_placement(&file);
-        return 0;
-    }
-    for (int a = 0; a < 3; ++a) {
-        volume->placement.origin[a] = volume->box[a];
-        volume->placement.axis[a][a] = volume->box[3 + a] - volume->box[a];
+    } else {
+        place_by_box(volume);
     }
     return 0;
 }
@@ -766,6 +833,7 @@ static void warn_of_spaces(const arguments *all) {
 
 static int find_volumes(arguments *all, ex_error *error) {
     for (int i = 0; i < all->volume_count; ++i) {
+        all->volumes[i].voxels.max_bytes = all->max_bytes;
         if (find_voxels(&all->volumes[i], error)) return 1;
         all->volumes[i].voxels.max_bytes = all->max_bytes;
     }
@@ -781,6 +849,10 @@ static int check_volumes(const arguments *all, ex_error *error) {
         for (int a = 0; a < 3; ++a)
             if (volume->box[a] == volume->box[3 + a])
                 return ex_fail(error, "--box of %s: no extent along %c", volume->file, 'x' + a);
+        for (int a = 0; a < 3 && has(volume->given, "--crop"); ++a)
+            if (volume->crop[a] >= volume->crop[3 + a] || volume->crop[3 + a] > volume->voxels.size[a])
+                return ex_fail(error, "--crop of %s: faces %d and %d along %c leave no voxel of its %d", volume->file,
+                               volume->crop[a], volume->crop[3 + a], 'x' + a, volume->voxels.size[a]);
         if (check_temperature(volume, error) || check_appearance(volume, error)) return 1;
     }
     return 0;

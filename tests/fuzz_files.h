@@ -97,6 +97,15 @@ static void render_read(const arguments *all, const sps_scene *scene, const sps_
         if (!CHECK(pixels[i] >= 0 && pixels[i] <= FLT_MAX)) printf("    number %d: %g\n", i, (double)pixels[i]);
 }
 
+/* Whether a few bytes stand for more voxels than can be rendered soon. */
+static int is_huge(const sps_scene *scene) {
+    for (int i = 0; i < scene->volume_count; ++i) {
+        const int *size = scene->volumes[i].size;
+        if ((double)size[0] * size[1] * size[2] > 300000) return 1;
+    }
+    return 0;
+}
+
 /* Loads and renders what the settings name; as run of render.c. Returns whether there was a mistake, which is told. */
 static int run_read(arguments *all, const scene_arrays *arrays, sps_context *context, ex_error *error) {
     sps_scene scene;
@@ -104,6 +113,7 @@ static int run_read(arguments *all, const scene_arrays *arrays, sps_context *con
     memset(&scene, 0, sizeof scene), memset(&view, 0, sizeof view);
     if (apply_settings(all, error) || all->help) return !all->help;
     if (find_volumes(all, error) || check(all, error) || load_scene(all, arrays, &scene, error)) return 1;
+    if (is_huge(&scene)) return 0;
     make_view(all, &view);
     make_tiny(&view, arrays->lights, &scene);
     render_read(all, &scene, &view, context);
@@ -149,6 +159,9 @@ static const file_kind file_kinds[] = {
     {'x', "f.hdr", {"--volume", "FILE"}}, /* the voxels are in f.img */
     {'z', "f.npz", {"--volume", "FILE"}},
     {'w', "f.raw", {"--volume", "FILE", "--size", "3,2,2", "--type", "f32"}},
+    {'v', "f.vdb", {"--volume", "FILE"}},
+    {'V', "f.vdb", {"--volume", "FILE", "--fog"}},
+    {'k', "f.nvdb", {"--volume", "FILE"}},
     {'o', "f.obj", {"--mesh", "FILE"}},
     {'p', "f.bin", {"--particles", "FILE"}},
     {'j', "f.ppm", {"--mesh", "FOLDER/o"}}, /* the image of a projector */
@@ -157,13 +170,38 @@ static const file_kind file_kinds[] = {
 
 enum { FILE_KINDS = sizeof file_kinds / sizeof *file_kinds };
 
+/* Files of trees are mostly zeros, which are given as a zero and their number: n + 1, or (n - 127) * 64 from 128 on.
+   The caller frees them. */
+static uint8_t *expand_zeros(const uint8_t *data, size_t size, size_t *out_size) {
+    const size_t most = 1 << 21;
+    uint8_t *out = (uint8_t *)ex_allocate(most, 1);
+    size_t count = 0;
+    for (size_t i = 0; i < size && count < most; ++i) {
+        if (data[i] != 0) {
+            out[count++] = data[i];
+            continue;
+        }
+        const size_t n = i + 1 < size ? data[++i] : 0;
+        count += n < 128 ? n + 1 : (n - 127) * 64;
+    }
+    *out_size = count < most ? count : most;
+    return out;
+}
+
 /* Writes a file of a kind and runs the command line over it. */
 static void try_file(const file_kind *kind, const uint8_t *data, size_t size, sps_context *context) {
     char path[100], shared[100], light[200], program[] = "render", out[] = "--plan", *texts[16];
     char words[10][20], light_option[] = "--light", plain[] = "directional,1,-1,-1,1,2,3";
     int count = 0;
     if (!files_begin()) return;
-    write_file(kind->name, data, size);
+    if (strstr(kind->name, "vdb")) {
+        size_t expanded = 0;
+        uint8_t *tree = expand_zeros(data, size, &expanded);
+        write_file(kind->name, tree, expanded);
+        free(tree);
+    } else {
+        write_file(kind->name, data, size);
+    }
     snprintf(path, sizeof path, "%s/%s", folder, kind->name);
     texts[count++] = program;
     for (int i = 0; kind->options[i]; ++i) {

@@ -60,6 +60,42 @@ static int check_transfer(const volume_arguments *volume, ex_error *error) {
                    reach, ex_type_names[volume->voxels.type]);
 }
 
+/* A volume with files of colors: its callbacks are those of its values, whatever these come from. */
+static int read_values(void *user, const int lo[3], const int size[3], float *out) {
+    volume_arguments *from = (volume_arguments *)user;
+    return from->sparse.table ? ex_sparse_read(&from->sparse, lo, size, out) : ex_grid_read(&from->grid, lo, size, out);
+}
+
+/* Where voxels may glow, no block is empty. */
+static int range_values(void *user, const int lo[3], const int size[3], float range[2]) {
+    volume_arguments *from = (volume_arguments *)user;
+    const int failed = from->sparse.table ? ex_sparse_range(&from->sparse, lo, size, range)
+                                          : ex_grid_range(&from->grid, lo, size, range);
+    if (from->emission_file && range[1] < 1) range[1] = 1;
+    return failed;
+}
+
+static int read_colors(void *user, const int lo[3], const int size[3], float *albedo, float *emission) {
+    const volume_arguments *from = (const volume_arguments *)user;
+    if (albedo && from->albedo_file) ex_color_grid_read(&from->albedos, lo, size, albedo);
+    if (emission && from->emission_file) ex_color_grid_read(&from->emissions, lo, size, emission);
+    return 0;
+}
+
+static int load_colors(const volume_arguments *volume, const char *path, ex_color_grid *colors, ex_error *error) {
+    ex_volume_file file;
+    if (!path) return 0;
+    if (!ex_volume_format_of(path)) return ex_fail(error, "%s: colors need a file with a header", path);
+    if (ex_volume_file_read(&file, path, error)) return 1;
+    file.voxels.max_bytes = volume->voxels.max_bytes;
+    for (int a = 0; a < 3; ++a)
+        if (file.voxels.size[a] != volume->voxels.size[a])
+            return ex_fail(error, "%s: %d,%d,%d voxels, but %s has %d,%d,%d", path, file.voxels.size[0],
+                           file.voxels.size[1], file.voxels.size[2], volume->file, volume->voxels.size[0],
+                           volume->voxels.size[1], volume->voxels.size[2]);
+    return ex_color_grid_load(colors, &file.voxels, error);
+}
+
 static int load_volume(volume_arguments *from, sps_volume *volume, ex_error *error) {
     const int is_sparse = from->sparse.table != NULL;
     if (!is_sparse && ex_grid_load(&from->grid, &from->voxels, error)) return 1;
@@ -67,13 +103,22 @@ static int load_volume(volume_arguments *from, sps_volume *volume, ex_error *err
     volume->placement = from->placement;
     memcpy(volume->crop, from->crop, sizeof volume->crop);
     volume->read_fn = ex_grid_read, volume->range_fn = ex_grid_range, volume->user = &from->grid;
-    if (is_sparse) volume->read_fn = ex_sparse_read, volume->range_fn = ex_sparse_range, volume->user = &from->sparse;
+    if (is_sparse) {
+        volume->read_fn = ex_sparse_read, volume->range_fn = ex_sparse_range, volume->user = &from->sparse;
+        volume->range_levels = EX_SPARSE_RANGE_LEVELS;
+    }
     volume->concurrent = 1;
     volume->extinction = (float)from->extinction;
     to_floats(from->albedo, volume->albedo);
     to_floats(from->emission, volume->emission);
     to_floats(from->ambient, volume->ambient);
     volume->lobes = from->lobes.list, volume->lobe_count = from->lobes.count;
+    if (from->albedo_file || from->emission_file) {
+        if (load_colors(from, from->albedo_file, &from->albedos, error)) return 1;
+        if (load_colors(from, from->emission_file, &from->emissions, error)) return 1;
+        volume->read_fn = read_values, volume->range_fn = range_values, volume->user = from;
+        volume->appearance_fn = read_colors;
+    }
     volume->shading = from->shading ? SPS_SHADING_SURFACE : SPS_SHADING_GAS;
     if (from->transfer_file && ex_transfer_load(&from->points, from->transfer_file, error)) return 1;
     if (from->points.point_count > 0) {
@@ -553,7 +598,10 @@ static void free_arguments(arguments *all) {
         ex_grid_free(&all->volumes[i].grid);
         ex_sparse_free(&all->volumes[i].sparse);
     }
-    for (int i = 0; i == 0 || i < all->volume_count; ++i) ex_transfer_free(&all->volumes[i].points);
+    for (int i = 0; i == 0 || i < all->volume_count; ++i) {
+        ex_transfer_free(&all->volumes[i].points);
+        ex_color_grid_free(&all->volumes[i].albedos), ex_color_grid_free(&all->volumes[i].emissions);
+    }
     for (int i = 0; i < all->mesh_count; ++i) ex_mesh_free(&all->meshes[i].mesh);
     for (int i = 0; i < all->particle_set_count; ++i) ex_particles_free(&all->particles[i].particles);
     for (int i = 0; i < all->light_count; ++i) ex_slide_free(&all->lights[i].slide);

@@ -4,6 +4,7 @@
 #define EX_RENDER_OPTIONS_H
 
 #include "arguments.h"
+#include "color_volume.h"
 #include "mesh.h"
 #include "nvdb.h"
 #include "particles.h"
@@ -31,7 +32,7 @@ typedef struct phase_lobes {
 /* Structs whose fields options set begin with `given`: which options were given for them. */
 typedef struct volume_arguments {
     option_set given;
-    const char *file, *transfer_file, *grid_name;
+    const char *file, *transfer_file, *grid_name, *albedo_file, *emission_file;
     int size[3], type, shading, classify, fog;
     int crop[6];
     double range[2], box[6], extinction, albedo[3], emission[3], ambient[3];
@@ -41,6 +42,7 @@ typedef struct volume_arguments {
     char space[64];       /* what the header says its coordinates are: ex_volume_file.space */
     sps_placement placement;
     ex_grid grid;
+    ex_color_grid albedos, emissions; /* of each voxel, if there are files of them */
     ex_sparse sparse; /* instead of the grid, where the file is .vdb or .nvdb: its size is then not 0 */
     ex_transfer points;
     sps_transfer transfer;
@@ -436,6 +438,8 @@ static const option_rule options[] = {
     {"--extinction", "S", "per world unit at value 1; default 1; not with --transfer", set_reals, OF_VOLUME(extinction), 1, POSITIVE},
     {"--albedo", "r,g,b", "default 0.8,0.8,0.8; not with --transfer", set_reals, OF_VOLUME(albedo), 3, 0, 1, NULL},
     {"--emission", "r,g,b", "radiance per world unit at value 1; default 0,0,0; for a gas, not with --transfer", set_reals, OF_VOLUME(emission), 3, POSITIVE},
+    {"--albedo-volume", "FILE", "three numbers per voxel, in a file with a header, of the volume's size", set_text, OF_VOLUME(albedo_file), NO_NUMBERS},
+    {"--emission-volume", "FILE", "likewise: radiance per world unit of each voxel, added to --emission", set_text, OF_VOLUME(emission_file), NO_NUMBERS},
     {"--gas-ambient", "r,g,b", "radiance from everywhere, with --scattering ambient; default 0,0,0", set_reals, OF_VOLUME(ambient), 3, POSITIVE},
     {"--phase", "g[,g2,w]", "Henyey-Greenstein lobes, g weighing 1-w and g2 weighing w; default 0, isotropic", set_phase, OF_VOLUME(lobes), 1, -0.99, 0.99, NULL},
     {"--transfer", "FILE", "lines: value r g b extinction [r g b]; values rise; the last three: emission", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
@@ -448,7 +452,7 @@ static const option_rule options[] = {
     {"--particle-emission", "r,g,b", "radiance per unit of optical depth; default 0,0,0", set_reals, OF_PARTICLES(emission), 3, POSITIVE},
     {"--particle-ambient", "r,g,b", "as --gas-ambient", set_reals, OF_PARTICLES(ambient), 3, POSITIVE},
     {"--particle-phase", "g[,g2,w]", "as --phase", set_phase, OF_PARTICLES(lobes), 1, -0.99, 0.99, NULL},
-    {"--particle-albedos", NULL, "each particle has three more numbers, its albedo r g b, which replaces --particle-albedo", set_flag, OF_PARTICLES(has_albedos), NO_NUMBERS},
+    {"--particle-albedos", NULL, "each particle has three more numbers, r g b, instead of --particle-albedo", set_flag, OF_PARTICLES(has_albedos), NO_NUMBERS},
     {"--particle-soft", NULL, "they fade to nothing at the rim; otherwise they are equally dense throughout", set_flag, OF_PARTICLES(soft), NO_NUMBERS},
     {"--particle-extinction", NULL, "the fifth number is extinction, per world unit, not optical depth along the diameter", set_flag, OF_PARTICLES(is_extinction), NO_NUMBERS},
     {"--mesh", "FILE.obj", "Wavefront OBJ, polygons; repeatable", add_mesh, SCENE, 0, NO_NUMBERS},
@@ -697,15 +701,22 @@ static int apply_settings(arguments *all, ex_error *error) {
 
 /* A setting without effect is a mistake: of two ways to specify how a volume looks, only one can be meant. */
 static int check_appearance(const volume_arguments *volume, ex_error *error) {
-    static const char *const by_gas[] = {"--extinction", "--albedo", "--emission"};
+    static const char *const by_gas[] = {"--extinction", "--albedo", "--emission", "--albedo-volume",
+                                         "--emission-volume"};
     const int has_points = volume->points.point_count > 0;
     if (volume->transfer_file && has_points)
         return ex_fail(error, "--transfer and --transfer-point of %s exclude each other: give one of them",
                        volume->file);
-    for (int i = 0; i < 3 && (volume->transfer_file || has_points); ++i)
+    for (int i = 0; i < 5 && (volume->transfer_file || has_points); ++i)
         if (has(volume->given, by_gas[i]))
             return ex_fail(error, "%s and %s of %s exclude each other: a transfer function's lines say all that",
                            by_gas[i], has_points ? "--transfer-point" : "--transfer", volume->file);
+    if (volume->albedo_file && has(volume->given, "--albedo"))
+        return ex_fail(error, "--albedo and --albedo-volume of %s exclude each other", volume->file);
+    if (volume->shading && (volume->albedo_file || volume->emission_file))
+        return ex_fail(error, "--shading surface of %s excludes --albedo-volume and --emission-volume", volume->file);
+    if (volume->classify && !volume->transfer_file && !has_points && !has(volume->given, "--temperature"))
+        return ex_fail(error, "--classify voxels of %s needs --transfer or --transfer-point", volume->file);
     if (volume->shading && has(volume->given, "--emission"))
         return ex_fail(error, "--emission and --shading surface of %s exclude each other: only a gas glows",
                        volume->file);
@@ -714,8 +725,8 @@ static int check_appearance(const volume_arguments *volume, ex_error *error) {
 
 /* A volume of temperatures does nothing but glow. */
 static int check_temperature(const volume_arguments *volume, ex_error *error) {
-    static const char *const others[] = {"--transfer", "--transfer-point", "--extinction", "--albedo",
-                                         "--emission", "--gas-ambient",    "--phase"};
+    static const char *const others[] = {"--transfer",    "--transfer-point", "--extinction",    "--albedo", "--emission",
+                                         "--gas-ambient", "--albedo-volume",  "--emission-volume", "--phase"};
     if (!has(volume->given, "--temperature")) return 0;
     for (size_t i = 0; i < sizeof others / sizeof *others; ++i)
         if (has(volume->given, others[i]))

@@ -566,7 +566,7 @@ static void test_damage(void) {
     check_random random = {9};
     int opened = 0, refused = 0;
     model m = plain_model();
-    for (int i = 0; i < (check_long() ? 5000 : check_memory_only() ? 50 : 80); ++i) {
+    for (int i = 0; i < (check_long() ? 1000 : check_memory_only() ? 50 : 80); ++i) {
         recipe r = plain_recipe();
         ex_sparse grid;
         ex_error error;

@@ -745,7 +745,7 @@ static void test_damage(void) {
     file_bytes file = {0}, damaged = {0};
     check_random random = {9};
     int opened = 0, refused = 0;
-    for (int i = 0; i < (check_long() ? 20000 : check_memory_only() ? 120 : 300); ++i) {
+    for (int i = 0; i < (check_long() ? 5000 : check_memory_only() ? 120 : 300); ++i) {
         recipe r = plain_recipe();
         ex_sparse grid;
         ex_error error;
@@ -874,15 +874,17 @@ static void check_theirs(const char *name, const char *wanted) {
 }
 
 static void test_theirs(void) {
-    static const char command[] = "c++ -std=c++17 -O0 -w tests/vdb_writer.cpp -o %s/writer -lopenvdb -ltbb -lImath-3_1 "
-                                  ">%s/said 2>&1 && %s/writer %s";
+    static const char compiling[] =
+        "c++ -std=c++17 -O0 -w tests/vdb_writer.cpp -o %s/writer -lopenvdb -ltbb -lImath-3_1 >%s/said 2>&1";
     char text[600], name[40];
     if (!check_long()) return;
-    snprintf(text, sizeof text, command, folder, folder, folder, folder);
+    snprintf(text, sizeof text, compiling, folder, folder);
     if (system(text) != 0) {
         printf("skipped: files of OpenVDB's own library: install libopenvdb-dev libboost-dev\n");
         return;
     }
+    snprintf(text, sizeof text, "%s/writer %s", folder, folder);
+    if (!CHECK(system(text) == 0)) return;
     for (int i = 0; i < 112; ++i) {
         snprintf(name, sizeof name, "%s%d_%d", i % 2 ? "half" : "float", i / 14, i / 2 % 7);
         const int failed = check_failed;

@@ -652,7 +652,8 @@ typedef enum sps_scattering {
     /* MULTIPLE if the gas calls for it, else SINGLE, by sps_view.scattering_tolerance. Costs a test of each voxel. */
     SPS_SCATTERING_AUTO = 0,
     SPS_SCATTERING_SINGLE, /* single scattering */
-    /* Single scattering, plus an `ambient` per volume and particle set to approximate multiple scattering, at no cost. */
+    /* Single scattering, plus an `ambient` per volume and particle set to approximate multiple scattering, at no
+       cost. */
     SPS_SCATTERING_AMBIENT,
     /* Multiple scattering by small angles: a closed form in the optical depth and angle of the straight path from light
        to eye. Accurate for forward scattering; backscattered light is mostly missing. Cut off at an optical depth of
@@ -4367,7 +4368,8 @@ SPSI_COLD sps_result spsi_check_array(const spsi_subject *at, const sps_volume *
     if (!grid->voxels) return spsi_wrong_that(&part, "voxels", 0, SPSI_IS_NULL);
     const spsi_bounded numbers[] = {
         {"format", (double)(int)grid->format, SPS_VOXEL_U8, SPS_VOXEL_I16, "it must be an sps_voxel_format"},
-        {"border", (double)grid->border, (double)volume->border, SPSI_BORDER_MAX, "it must be the volume's border..65536"},
+        {"border", (double)grid->border, (double)volume->border, SPSI_BORDER_MAX,
+         "it must be the volume's border..65536"},
         {"offset", (double)grid->offset, -(double)FLT_MAX, (double)FLT_MAX, "it must be finite"},
         {"scale", (double)grid->scale, -(double)FLT_MAX, (double)FLT_MAX, "it must be finite"}};
     for (int k = 0; k < 3; ++k)

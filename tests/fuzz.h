@@ -287,7 +287,7 @@ static void random_grid(scenery *x, int n) {
     const size_t bytes[] = {1, 1, 2, 2, 4, 2, 4};
     const int format = one_in(16) ? below(7) : 1 + below(3); /* floats of arbitrary bits are mostly refused */
     size_t stride = bytes[format], before = 0;
-    const int packed = one_in(2), border = one_in(4) ? below(4) : 0;
+    const int packed = one_in(2), border = one_in(40) || volume->border < 0 ? below(4) : limited(volume->border, 5);
     put_int(&grid->format, format);
     grid->border = border;
     for (int i = 0; i < 3; ++i) {
@@ -303,6 +303,18 @@ static void random_grid(scenery *x, int n) {
     if (one_in(8)) grid->offset = (float)strange(-0.2, 0.2);
     volume->read_fn = sps_grid_read, volume->eval_fn = NULL, volume->range_fn = one_in(2) ? sps_grid_range : NULL;
     volume->user = grid;
+}
+
+/* Faces that cut the volume, mostly valid, and voxels beyond it. */
+static void random_crop(sps_volume *volume) {
+    for (int k = 0; k < 3; ++k) {
+        const int size = volume->size[k] > 0 ? volume->size[k] : 1;
+        volume->crop[k] = below(size + 1);
+        volume->crop[3 + k] = one_in(30) ? below(size + 2) : volume->crop[k] + below(size + 1 - volume->crop[k]);
+    }
+    if (one_in(4)) memset(volume->crop, 0, sizeof volume->crop);
+    if (one_in(2)) volume->border = one_in(40) ? 65538 * below(2) - 1 : below(6); /* -1, 65537: refused */
+    volume->range_levels = one_in(40) ? below(6) - 1 : below(4);
 }
 
 static void random_volume(scenery *x, int n) {
@@ -331,6 +343,7 @@ static void random_volume(scenery *x, int n) {
     if (one_in(3)) random_transfer(x, n, volume);
     if (one_in(3)) volume->revision = 1 + (uint64_t)below(3);
     if (!from_bytes) return;
+    if (one_in(5)) random_crop(volume);
     volume->concurrent = one_in(3);
     if (one_in(4)) random_grid(x, n);
 }

@@ -52,8 +52,10 @@ static void fill_mist(void) {
     for (int i = 0; i < PUFFS; ++i) {
         const float angle = 6.2831853f * next_random(&state), out = 3.2f * sqrtf(next_random(&state));
         const float height = next_random(&state) * next_random(&state);
-        puffs[i] = (sps_particle){{out * cosf(angle), 1.3f * height, out * sinf(angle)}, 0, 0.007f};
-        puffs[i].radius = 0.2f + 0.25f * next_random(&state);
+        const sps_particle puff = {.position = {out * cosf(angle), 1.3f * height, out * sinf(angle)},
+                                   .radius = 0.2f + 0.25f * next_random(&state),
+                                   .optical_depth = 0.007f};
+        puffs[i] = puff;
     }
 }
 

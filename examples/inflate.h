@@ -11,8 +11,8 @@
 
 typedef enum ex_packing { EX_PACKED_RAW, EX_PACKED_ZLIB, EX_PACKED_GZIP } ex_packing;
 
-/* An entry of a table of codes has, from the lowest bit on: 5 bits for the length of the code, 3 for its kind, 8 for
-   the number of extra bits that follow it, and 16 for a value. */
+/* An entry of a table of codes has 5 bits for the length of the code, the lowest ones, and 3 for its kind. 8 bits for
+   the number of extra bits after the code follow, and 16 for a value. */
 enum { EX_CODE_INVALID, EX_CODE_LITERAL, EX_CODE_COPY, EX_CODE_END, EX_CODE_TABLE };
 #define EX_CODE(length, kind, extra, value)                                                                            \
     ((uint32_t)(length) | (uint32_t)(kind) << 5 | (uint32_t)(extra) << 8 | (uint32_t)(value) << 16)

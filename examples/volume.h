@@ -37,13 +37,14 @@ static inline int ex_type_is_signed(ex_type type) {
     return type == EX_I8 || type == EX_I16 || type == EX_I32 || type == EX_I64;
 }
 
-/* A half: a sign, 5 bits of exponent, 10 of mantissa. Multiplication by a power of two is exact. */
+/* A half has a sign, 5 bits of exponent and 10 of mantissa. Moved to where a float has them, they mean 2^112 times
+   less; multiplication by a power of two is exact. The largest exponent means infinity and NaN in both. */
 static inline float ex_half_value(uint16_t half) {
-    const uint32_t exponent = half >> 10 & 31, mantissa = half & 1023;
-    const float size = exponent == 31  ? (mantissa ? NAN : INFINITY)
-                       : exponent == 0 ? ldexpf((float)mantissa, -24)
-                                       : ldexpf((float)(mantissa | 1024), (int)exponent - 25);
-    return half >> 15 ? -size : size;
+    const uint32_t size = (uint32_t)(half & 0x7fff) << 13, bits = size >= 31u << 23 ? size | 255u << 23 : size;
+    float value;
+    memcpy(&value, &bits, sizeof value);
+    if (bits == size) value *= 0x1p112f;
+    return half >> 15 ? -value : value;
 }
 
 enum { EX_GRID_BLOCK = 32 }; /* voxels along the edge of a block that has a range */
@@ -307,7 +308,7 @@ static inline int ex_voxel_file_inflate(const ex_voxel_file *from, const unsigne
                    (unsigned long long)from->packed_at);
 }
 
-/* The same for packed voxels. Bytes before the voxels are unpacked with them, and removed. */
+/* Reads and unpacks voxels. Bytes before them are unpacked, too, and removed. */
 static inline int ex_voxel_file_read_packed(const ex_voxel_file *from, FILE *file, uint64_t held, void **data,
                                             ex_error *error) {
     const uint64_t needed = ex_voxel_file_bytes(from), left = held > from->packed_at ? held - from->packed_at : 0;

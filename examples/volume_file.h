@@ -442,7 +442,7 @@ static inline int ex_meta_read(ex_header *header, char *text, size_t length) {
 
 /* ----------------------------------------------------------------------------------------------- NIfTI */
 
-/* By the code in `datatype`; 128 is three bytes per voxel. */
+/* Codes of `datatype`; 128 is three bytes per voxel. */
 static const ex_header_type ex_nifti_types[] = {{"2", EX_U8},    {"256", EX_I8},   {"512", EX_U16},  {"4", EX_I16},
                                                 {"768", EX_U32}, {"8", EX_I32},    {"16", EX_F32},   {"64", EX_F64},
                                                 {"128", EX_U8},  {"1024", EX_I64}, {"1280", EX_U64}, {NULL, EX_U8}};
@@ -450,7 +450,7 @@ static const ex_header_type ex_nifti_types[] = {{"2", EX_U8},    {"256", EX_I8},
 /* Where the numbers are in the two versions of the header, and their types. */
 typedef struct ex_nifti_layout {
     int length;            /* which is the first number of the header */
-    const char *magics[2]; /* for header and voxels in one file, and in two files */
+    const char *magics[2]; /* one file for header and voxels, and two files */
     size_t magic, datatype, bits, dim, pixdim, offset, slope, intercept, qform, sform, quatern, qoffset, srow;
     ex_type integer, real, offset_type, code;
 } ex_nifti_layout;

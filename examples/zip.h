@@ -11,7 +11,7 @@ typedef struct ex_zip_member {
     char name[256];
     uint64_t at, packed_size; /* its first byte in the archive; bytes there */
     uint64_t size;            /* bytes when unpacked */
-    uint32_t crc;             /* of the unpacked bytes */
+    uint32_t crc;             /* CRC-32 of the unpacked bytes */
     int is_deflated;
 } ex_zip_member;
 
@@ -20,9 +20,9 @@ typedef struct ex_zip {
     const char *path;
     FILE *file;
     uint64_t held;
-    unsigned char *list; /* of members, at the end of the archive */
+    unsigned char *list; /* members, at the end of the archive */
     size_t list_size;
-    unsigned count; /* of members */
+    unsigned count; /* number of members */
     ex_error *error;
 } ex_zip;
 

@@ -217,7 +217,7 @@ static void test_bad_values(void) {
         {"--size 2,2,99999999999999999999", 2, "X,Y,Z must be within 1..65536"},
         {"--size ''", 2, "--size: '' is not X,Y,Z"},
         {"--size \"$(printf '2\\n2')\"", 2, "--size: '2?2' is not X,Y,Z"},
-        {"--type u128", 2, "--type: 'u64' is not u8|i8|u16|i16|u32|i32|f32|f64|u64|i64|f16"},
+        {"--type u128", 2, "--type: 'u128' is not u8|i8|u16|i16|u32|i32|f32|f64|u64|i64|f16"},
         {"--quality default", 2, "--quality: 'default' is not draft|medium|high|ultra"},
         {"--box 0,0,0,1,1,1e17", 2, "must be within -1e+15..1e+15"},
         {"--box 0,0,0,1,1,nan", 2, "--box: '0,0,0,1,1,nan' is not x0,y0,z0,x1,y1,z1"},

@@ -638,48 +638,52 @@ static void test_scaled_meta(void) {
     ex_grid_free(&grid);
 }
 
-/* Two voxels of three bytes, 1 2 3 and 4 5 6, in every format that has them. */
+/* Two voxels of three bytes, 1 2 3 and 4 5 6, with a header, or in a NPY or NIfTI file. */
+static void write_colors(const char *name, const char *header, int planes) {
+    static const char dictionary[] = "{'descr':'|u1','fortran_order':False,'shape':(2,1,1,3)}";
+    static bytes file;
+    file.count = 0;
+    if (header) put_text(&file, header);
+    if (strcmp(name, "c.npy") == 0) {
+        put(&file, "\x93NUMPY\1\0", 8);
+        put_number(&file, sizeof dictionary - 1, EX_U16, 0);
+        put_text(&file, dictionary);
+    }
+    if (strcmp(name, "c.nii") == 0) {
+        static const double dim[3] = {1, 1, 2};
+        write_nifti(&file, EX_U8, 0);
+        file.count = 352;
+        for (size_t i = 0; i < 3; ++i) put_number_at(&file, 42 + 2 * i, dim[i], EX_I16, 0);
+        put_number_at(&file, 70, 128, EX_I16, 0), put_number_at(&file, 72, 24, EX_I16, 0);
+    }
+    put(&file, planes ? "\1\4\2\5\3\6" : "\1\2\3\4\5\6", 6);
+    write_file(name, file.data, file.count);
+}
+
+/* Every format that has them, as triples or as three planes. They are refused where a volume is expected. */
 static void test_colors(void) {
+    static const char planes[] = "NRRD0005\ndimension: 4\nsizes: 1 1 2 3\ntype: uint8\nencoding: raw\n"
+                                 "kinds: space space space list\n\n";
+    static const char channels[] = "NDims = 3\nDimSize = 1 1 2\nElementType = MET_UCHAR\n"
+                                   "ElementNumberOfChannels = 3\nElementDataFile = LOCAL\n";
     static const struct {
         const char *name, *header;
-        int planes;
-    } cases[] = {
-        {"c.nrrd", COLOR_HEAD "kinds: RGB-color domain domain domain\n\n", 0},
-        {"c.nrrd", COLOR_HEAD "kinds: vector space space space\nspacings: nan 1 1 1\n\n", 0},
-        {"c.nrrd", COLOR_HEAD "space directions: none (1,0,0) (0,1,0) (0,0,1)\n\n", 0},
-        {"c.nrrd",
-         "NRRD0005\ndimension: 4\nsizes: 1 1 2 3\ntype: uint8\nencoding: raw\nkinds: space space space list\n\n", 1},
-        {"c.mha",
-         "NDims = 3\nDimSize = 1 1 2\nElementType = MET_UCHAR\nElementNumberOfChannels = 3\nElementDataFile = LOCAL\n",
-         0},
-        {"c.npy", NULL, 0},
-        {"c.nii", NULL, 0}};
+    } cases[] = {{"c.nrrd", COLOR_HEAD "kinds: RGB-color domain domain domain\n\n"},
+                 {"c.nrrd", COLOR_HEAD "kinds: vector space space space\nspacings: nan 1 1 1\n\n"},
+                 {"c.nrrd", COLOR_HEAD "space directions: none (1,0,0) (0,1,0) (0,0,1)\n\n"},
+                 {"c.nrrd", planes},
+                 {"c.mha", channels},
+                 {"c.npy", NULL},
+                 {"c.nii", NULL}};
     static const int lo[3] = {0, 0, 1}, one[3] = {1, 1, 1}, zero[3] = {0, 0, 0}, all[3] = {1, 1, 2};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
-        static const char dictionary[] = "{'descr':'|u1','fortran_order':False,'shape':(2,1,1,3)}";
-        static bytes file;
         char path[200];
         float got[6];
         ex_volume_file header;
         ex_color_grid colors;
         ex_grid grid;
         ex_error error;
-        file.count = 0;
-        if (cases[i].header) put_text(&file, cases[i].header);
-        if (strcmp(cases[i].name, "c.npy") == 0) {
-            put(&file, "\x93NUMPY\1\0", 8);
-            put_number(&file, sizeof dictionary - 1, EX_U16, 0);
-            put_text(&file, dictionary);
-        }
-        if (strcmp(cases[i].name, "c.nii") == 0) {
-            write_nifti(&file, EX_U8, 0);
-            file.count = 352;
-            put_number_at(&file, 42, 1, EX_I16, 0), put_number_at(&file, 44, 1, EX_I16, 0);
-            put_number_at(&file, 46, 2, EX_I16, 0);
-            put_number_at(&file, 70, 128, EX_I16, 0), put_number_at(&file, 72, 24, EX_I16, 0);
-        }
-        put(&file, cases[i].planes ? "\1\4\2\5\3\6" : "\1\2\3\4\5\6", 6);
-        write_file(cases[i].name, file.data, file.count);
+        write_colors(cases[i].name, cases[i].header, cases[i].header == planes);
         snprintf(path, sizeof path, "%s/%s", folder, cases[i].name);
         CHECK(read_volume(cases[i].name, &header, &grid, &error) != 0 && strstr(error.text, "--emission-volume"));
         if (!CHECK(ex_volume_file_read(&header, path, &error) == 0 && header.voxels.components == 3) ||
@@ -694,6 +698,10 @@ static void test_colors(void) {
         CHECK_NEAR((double)got[2], 6 / 255.0, 1e-8);
         ex_color_grid_free(&colors);
     }
+}
+
+/* One number per voxel is no color, also where it has an axis of its own. */
+static void test_no_colors(void) {
     ex_color_grid colors;
     ex_volume_file header;
     ex_grid grid;
@@ -879,13 +887,6 @@ static void test_wrong_nrrd(void) {
     static const wrong list[] = {
         {"w.nrrd", "", "w.nrrd: not a NRRD file"},
         {"w.nrrd", "P6 2 2 255\n", "w.nrrd: not a NRRD file"},
-        {"w.nrrd", "NRRD0004\n\n", "w.nrrd: dimension: the header has no such field"},
-        {"w.nrrd", "NRRD0004\ndimension: 2\n\n", "w.nrrd: dimension: '2' is not supported: only 3 dimensions"},
-        {"w.nrrd", "NRRD0004\ndimension: 5\n\n", "w.nrrd: dimension: '5' is not supported: only 3 dimensions"},
-        {"w.nrrd", "NRRD0004\nsizes: 2 1 1\n\n", "w.nrrd: sizes: '2 1 1' comes before the dimension"},
-        {"w.nrrd", "NRRD0004\nkinds: space\n\n", "w.nrrd: kinds: 'space' comes before the dimension"},
-        {"w.nrrd", "NRRD0004\ndimension: 3.5\n\n", "dimension: '3.5' is not a whole number"},
-        {"w.nrrd", NRRD_HEAD "dimension: 3\n\n", "dimension: '3' is a second value of this field"},
         {"w.nrrd", NRRD_HEAD "sizes: 2 1\n\n", "sizes: '2 1' has too few numbers"},
         {"w.nrrd", NRRD_HEAD "sizes: 2 1 1 1\n\n", "sizes: '2 1 1 1' has too many numbers"},
         {"w.nrrd", NRRD_HEAD "type: uint8\nencoding: raw\nsizes: 2 1 0\n\n",
@@ -900,6 +901,40 @@ static void test_wrong_nrrd(void) {
         {"w.nrrd", NRRD_HEAD "encoding: bzip2\n\n", "encoding: 'bzip2' is not supported: only raw and gzip are"},
         {"w.nrrd", NRRD_HEAD "encoding: hex\n\n", "encoding: 'hex' is not supported: only raw and gzip are"},
         {"w.nrrd", NRRD_HEAD "encoding: text\n\n", "encoding: 'text' is not supported: only raw and gzip are"},
+        {"w.nrrd", NRRD_HEAD "endian: middle\n\n", "endian: 'middle' is neither little nor big"},
+        {"w.nrrd", NRRD_HEAD "sizes: 1 1 1\ntype: short\nencoding: raw\n\nab", "endian: the header has no such field"},
+        {"w.nrrd", NRRD_HEAD "bogus: 1\n\n", "w.nrrd: unknown field 'bogus'"},
+        {"w.nrrd", NRRD_HEAD "no field at all\n\n", "w.nrrd: no field: 'no field at all'"},
+        {"w.nrrd", NRRD_HEAD "space origin: (1,2,nan)\n\n", "space origin: '(1,2,nan)' has a number out of range"},
+        {"w.nrrd", NRRD_HEAD "space origin: (1,2,3) 4\n\n", "space origin: '(1,2,3) 4' has too many vectors"},
+        {"w.nrrd", NRRD_HEAD "byte skip: -2\n\n", "byte skip: '-2' has a number out of range"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST "line skip: 9\n\nab", "w.nrrd: line skip: the file has fewer lines"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST "byte skip: 1000000000000\n\nab", "w.nrrd: the file holds"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST, "w.nrrd: data file: there is none, and no empty line"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST "\na", "size 2,1,1 and type u8 call for 2, after the first"},
+        {"w.nhdr", NRRD_HEAD "data file: missing.raw\n", "w.nhdr: data file: 'missing.raw' No such file"},
+        {"w.nhdr", NRRD_HEAD "data file: \n", "w.nhdr: data file: '' is not the name of a file"},
+        {"w.nhdr", NRRD_HEAD "data file: LIST\na\nb\n", "w.nhdr: data file: 'LIST' is more than one file"},
+        {"w.nhdr", NRRD_HEAD "data file: slice%03d.raw 1 9 1\n", "is more than one file"},
+        {"w.nhdr", NRRD_HEAD NRRD_REST "data file: .\n", "not a regular file"},
+        {"w.nhdr", NRRD_HEAD "data \033[31mfile: .\n", "unknown field 'data ?[31mfile'"},
+        {"w.nrrd", NRRD_HEAD "type: uint8\nencoding: raw\nsizes: 65536 65536 65536\n\nab",
+         "size 65536,65536,65536 and type u8 call for 281474976710656"},
+        {"w.nrrd", NRRD_HEAD "type: uint8\nencoding: gzip\nsizes: 65536 65536 65536\n\nab",
+         "size 65536,65536,65536 and type u8 take 281474976710656 bytes in memory; --max-bytes allows 4000000000"}};
+    check_wrong(list, sizeof list / sizeof *list);
+}
+
+/* Dimensions, spacings, directions and kinds; and what is packed. */
+static void test_wrong_nrrd_axes(void) {
+    static const wrong list[] = {
+        {"w.nrrd", "NRRD0004\n\n", "w.nrrd: dimension: the header has no such field"},
+        {"w.nrrd", "NRRD0004\ndimension: 2\n\n", "w.nrrd: dimension: '2' is not supported: only 3 dimensions"},
+        {"w.nrrd", "NRRD0004\ndimension: 5\n\n", "w.nrrd: dimension: '5' is not supported: only 3 dimensions"},
+        {"w.nrrd", "NRRD0004\nsizes: 2 1 1\n\n", "w.nrrd: sizes: '2 1 1' comes before the dimension"},
+        {"w.nrrd", "NRRD0004\nkinds: space\n\n", "w.nrrd: kinds: 'space' comes before the dimension"},
+        {"w.nrrd", "NRRD0004\ndimension: 3.5\n\n", "dimension: '3.5' is not a whole number"},
+        {"w.nrrd", NRRD_HEAD "dimension: 3\n\n", "dimension: '3' is a second value of this field"},
         {"w.nrrd", NRRD_HEAD NRRD_PACKED "byte skip: -1\n\nab", "w.nrrd: byte skip: -1 is not possible with gzip"},
         {"w.nrrd", NRRD_HEAD NRRD_PACKED "\nab", "w.nrrd: packed data: the end at byte 0"},
         {"w.nrrd", NRRD_HEAD NRRD_PACKED "\n", "w.nrrd: the file holds 63 bytes, but 0 packed ones begin at byte 63"},
@@ -922,10 +957,6 @@ static void test_wrong_nrrd(void) {
          "spacings: axis 2 has a space direction, too"},
         {"w.nrrd", NRRD_HEAD "spacings: 1 2\n\n", "spacings: '1 2' has too few numbers"},
         {"w.nrrd", NRRD_HEAD "spacings: 1 2 3 4\n\n", "spacings: '1 2 3 4' has too many numbers"},
-        {"w.nrrd", NRRD_HEAD "endian: middle\n\n", "endian: 'middle' is neither little nor big"},
-        {"w.nrrd", NRRD_HEAD "sizes: 1 1 1\ntype: short\nencoding: raw\n\nab", "endian: the header has no such field"},
-        {"w.nrrd", NRRD_HEAD "bogus: 1\n\n", "w.nrrd: unknown field 'bogus'"},
-        {"w.nrrd", NRRD_HEAD "no field at all\n\n", "w.nrrd: no field: 'no field at all'"},
         {"w.nrrd", NRRD_HEAD "spacings: 1 0 1\n\n", "spacings: '1 0 1' has a 0"},
         {"w.nrrd", NRRD_HEAD "spacings: 1 1e16 1\n\n", "spacings: '1 1e16 1' has a number out of range"},
         {"w.nrrd", NRRD_HEAD "space directions: (1,0,0) (0,1,0)\n\n", "space directions: '(1,0,0) (0,1,0)' is not (x"},
@@ -934,24 +965,7 @@ static void test_wrong_nrrd(void) {
          "space directions: the three axes lie in one plane"},
         {"w.nrrd", NRRD_HEAD NRRD_REST "space directions: (1e15,0,0) (0,1,0) (0,0,1)\n\nab",
          "space directions: the volume's edges are not within 1e15"},
-        {"w.nrrd", NRRD_HEAD "space origin: (1,2,nan)\n\n", "space origin: '(1,2,nan)' has a number out of range"},
-        {"w.nrrd", NRRD_HEAD "space origin: (1,2,3) 4\n\n", "space origin: '(1,2,3) 4' has too many vectors"},
-        {"w.nrrd", NRRD_HEAD "axis mins: 0 0 0\n\n", "axis mins: '0 0 0' is not supported: only spacings"},
-        {"w.nrrd", NRRD_HEAD "byte skip: -2\n\n", "byte skip: '-2' has a number out of range"},
-        {"w.nrrd", NRRD_HEAD NRRD_REST "line skip: 9\n\nab", "w.nrrd: line skip: the file has fewer lines"},
-        {"w.nrrd", NRRD_HEAD NRRD_REST "byte skip: 1000000000000\n\nab", "w.nrrd: the file holds"},
-        {"w.nrrd", NRRD_HEAD NRRD_REST, "w.nrrd: data file: there is none, and no empty line"},
-        {"w.nrrd", NRRD_HEAD NRRD_REST "\na", "size 2,1,1 and type u8 call for 2, after the first"},
-        {"w.nhdr", NRRD_HEAD "data file: missing.raw\n", "w.nhdr: data file: 'missing.raw' No such file"},
-        {"w.nhdr", NRRD_HEAD "data file: \n", "w.nhdr: data file: '' is not the name of a file"},
-        {"w.nhdr", NRRD_HEAD "data file: LIST\na\nb\n", "w.nhdr: data file: 'LIST' is more than one file"},
-        {"w.nhdr", NRRD_HEAD "data file: slice%03d.raw 1 9 1\n", "is more than one file"},
-        {"w.nhdr", NRRD_HEAD NRRD_REST "data file: .\n", "not a regular file"},
-        {"w.nhdr", NRRD_HEAD "data \033[31mfile: .\n", "unknown field 'data ?[31mfile'"},
-        {"w.nrrd", NRRD_HEAD "type: uint8\nencoding: raw\nsizes: 65536 65536 65536\n\nab",
-         "size 65536,65536,65536 and type u8 call for 281474976710656"},
-        {"w.nrrd", NRRD_HEAD "type: uint8\nencoding: gzip\nsizes: 65536 65536 65536\n\nab",
-         "size 65536,65536,65536 and type u8 take 281474976710656 bytes in memory; --max-bytes allows 4000000000"}};
+        {"w.nrrd", NRRD_HEAD "axis mins: 0 0 0\n\n", "axis mins: '0 0 0' is not supported: only spacings"}};
     check_wrong(list, sizeof list / sizeof *list);
 }
 
@@ -1357,6 +1371,7 @@ int main(void) {
     RUN(test_values);
     RUN(test_scaled_meta);
     RUN(test_colors);
+    RUN(test_no_colors);
     RUN(test_other_types);
     RUN(test_spaces);
     RUN(test_memory);
@@ -1364,6 +1379,7 @@ int main(void) {
     RUN(test_truncated);
     RUN(test_flipped);
     RUN(test_wrong_nrrd);
+    RUN(test_wrong_nrrd_axes);
     RUN(test_wrong_meta_and_npy);
     RUN(test_wrong_npy_dictionary);
     RUN(test_wrong_nifti);

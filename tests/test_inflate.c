@@ -192,7 +192,8 @@ static void test_noise(void) {
 }
 
 /* The header of a dynamic block: 257 or more literals, distances, and 19 lengths of codes, all 0 but for two of 1 bit.
-   `a` and `b` are the places of these two in the order 16 17 18 0 8 7 9 6 10 5 11 4 12 3 13 2 14 1 15. */
+   Those are `a` and `b` in RFC 1951's order,
+   which begins with 16 17 18 0 and ends with 2 14 1 15. */
 static void put_dynamic_start(deflater *d, unsigned literals, unsigned distances, unsigned a, unsigned b) {
     deflate_number(d, 1 | 2 << 1, 3);
     deflate_number(d, literals - 257, 5);

@@ -189,7 +189,7 @@ static inline int ex_inflate_codes(ex_inflater *z) {
             if (!wrong && distance > at - first) wrong = "a distance to before the first byte";
             if (!wrong && length > room - at && !z->partly) wrong = "more than there is room for";
             const size_t end = wrong ? at : length > room - at ? room : at + length;
-            if (distance >= 8 && room - end >= 8) /* up to 7 bytes too many, which are overwritten */
+            if (distance >= 8 && room - end >= 7) /* up to 7 bytes too many, which are overwritten */
                 for (; at < end; at += 8) memcpy(out + at, out + at - distance, 8);
             for (; at < end; ++at) out[at] = out[at - distance];
             at = end;

@@ -403,36 +403,52 @@ static void rotate(const double q[4], const double x[3], double out[3]) {
     for (int i = 0; i < 3; ++i) out[i] = x[i] + 2 * q[0] * once[i] + 2 * twice[i];
 }
 
+/* Writes the numbers of a quaternion's placement: of kind 0, 1 or 2 below. */
+static void write_quaternion(bytes *file, int version, int kind, const double q[4], const double pixdim[3]) {
+    static const size_t places[2][4] = {{76, 252, 256, 268},
+                                        {104, 344, 352, 376}}; /* pixdim, qform, quatern, qoffset */
+    const size_t *at = places[version - 1], size = version == 1 ? 4 : 8;
+    const ex_type real = version == 1 ? EX_F32 : EX_F64, code = version == 1 ? EX_I16 : EX_I32;
+    if (version == 1)
+        write_nifti(file, EX_U8, 1);
+    else
+        write_nifti_2(file, EX_U8, 1);
+    put_number_at(file, at[1], kind < 2, code, 1);
+    put_number_at(file, at[1] + ex_type_size(code), 0, code, 1);
+    put_number_at(file, at[0], kind == 1 ? -1 : 1, real, 1);
+    for (size_t a = 0; a < 3; ++a) {
+        put_number_at(file, at[0] + size * (1 + a), pixdim[a], real, 1);
+        put_number_at(file, at[2] + size * a, q[a + 1], real, 1);
+        put_number_at(file, at[3] + size * a, world_origin[a], real, 1);
+    }
+    write_file("q.nii", file->data, file->count);
+}
+
 /* NIfTI's other placements: a quaternion, whose handedness is in pixdim[0], or spacing alone. */
 static void test_nifti_placement(void) {
     static const double q[4] = {0.5, 0.7, -0.1, 0.5}, pixdim[3] = {0.25, 0.5, 2}; /* q has length 1 */
     static const double zero[3] = {0, 0, 0};
     static bytes file;
-    for (int kind = 0; kind < 3; ++kind) { /* right-handed, left-handed, no quaternion */
-        double step[3][3];
-        ex_volume_file header;
-        ex_grid grid;
-        write_nifti(&file, EX_U8, 1);
-        put_number_at(&file, 252, kind < 2, EX_I16, 1);
-        put_number_at(&file, 254, 0, EX_I16, 1);
-        put_number_at(&file, 76, kind == 1 ? -1 : 1, EX_F32, 1);
-        for (size_t a = 0; a < 3; ++a) {
-            double along[3] = {0, 0, 0};
-            put_number_at(&file, 80 + 4 * a, pixdim[a], EX_F32, 1);
-            put_number_at(&file, 256 + 4 * a, q[a + 1], EX_F32, 1);
-            put_number_at(&file, 268 + 4 * a, world_origin[a], EX_F32, 1);
-            along[a] = a == 2 && kind == 1 ? -pixdim[a] : pixdim[a];
-            if (kind < 2)
-                rotate(q, along, step[a]);
-            else
-                memcpy(step[a], along, sizeof along);
+    for (int version = 1; version <= 2; ++version)
+        for (int kind = 0; kind < 3; ++kind) { /* right-handed, left-handed, no quaternion */
+            double step[3][3];
+            ex_volume_file header;
+            ex_grid grid;
+            write_quaternion(&file, version, kind, q, pixdim);
+            for (size_t a = 0; a < 3; ++a) {
+                double along[3] = {0, 0, 0};
+                along[a] = a == 2 && kind == 1 ? -pixdim[a] : pixdim[a];
+                if (kind < 2)
+                    rotate(q, along, step[a]);
+                else
+                    memcpy(step[a], along, sizeof along);
+            }
+            /* The file's floats have errors of 3e-8 of 0.7; w = sqrt(1 - v^2) of 5e-8 times v / w; both doubled by a
+               step of 2 */
+            if (must_read("q.nii", &header, &grid))
+                CHECK(is_placed(&header, kind < 2 ? world_origin : zero, step, 1e-6));
+            ex_grid_free(&grid);
         }
-        write_file("q.nii", file.data, file.count);
-        /* The file's floats are off by 3e-8 of 0.7; w = sqrt(1 - v^2) by 5e-8 times v / w; both doubled by a step of 2
-         */
-        if (must_read("q.nii", &header, &grid)) CHECK(is_placed(&header, kind < 2 ? world_origin : zero, step, 1e-6));
-        ex_grid_free(&grid);
-    }
 }
 
 /* Headers that are complete, or nearly so */
@@ -1146,6 +1162,11 @@ static void test_wrong_nifti_files(void) {
     write_file("w.nii", file.data, file.count);
     CHECK(read_volume("w.nii", &header, &grid, &error) != 0 &&
           strstr(error.text, "dim: '1e+10 4 5' is not three whole"));
+    write_nifti_2(&file, EX_U8, 0);
+    put_number_at(&file, 176, 2, EX_F64, 0), put_number_at(&file, 184, -3, EX_F64, 0);
+    write_file("w.nii", file.data, file.count);
+    if (must_read("w.nii", &header, &grid)) CHECK(header.voxels.slope == 2 && header.voxels.intercept == -3);
+    ex_grid_free(&grid);
     write_nifti_2(&file, EX_U8, 0);
     put_number_at(&file, 168, 543, EX_I64, 0);
     write_file("w.nii", file.data, file.count);

@@ -5,7 +5,7 @@
 #include "inflate.h"
 #include "deflate.h"
 
-enum { SIZE_MAX_HERE = 100000, ROOM = 300000 };
+enum { SIZE_MAX_HERE = 160000, ROOM = 400000 };
 
 static unsigned char data[SIZE_MAX_HERE], packed[ROOM];
 static deflate_token tokens[SIZE_MAX_HERE + 1];
@@ -114,12 +114,18 @@ static void test_every_copy(void) {
             for (unsigned k = 0; k < 3; ++k, ++at) data[at] = data[at - token.distance];
         }
     }
-    for (int kind = 0; kind < 2; ++kind) {
+    for (unsigned i = 0; i < 200; ++i) { /* with codes of 15 bits each, and 5 and 13 more */
+        const deflate_token zero = {0, 0, 0}, token = {0, 227 + i % 31, 32768 - i};
+        for (unsigned k = 0; k < 9 + i % 8; ++k) data[at++] = 0, tokens[count++] = zero; /* one bit each */
+        tokens[count++] = token;
+        for (unsigned k = 0; k < token.length; ++k, ++at) data[at] = data[at - token.distance];
+    }
+    for (unsigned kind = 0; kind < 3; ++kind) {
         deflater d = {packed, ROOM, 0, 0};
         if (kind == 0)
             deflate_fixed(&d, tokens, count, 1);
         else
-            deflate_dynamic(&d, tokens, count, 1, 6);
+            deflate_dynamic(&d, tokens, count, 1, 7 * kind);
         if (!CHECK(gives(BARE, packed, d.count, at, &error))) printf("    %s\n", error.text);
     }
 }

@@ -12774,8 +12774,8 @@ SPSI_COLD int spsi_may_interpolate(const spsi_frame *frame) {
    per level: the finer level's three and their neighbours span five. Sides below three bricks may grow to three. */
 static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, const uint64_t *bricks) {
     const size_t plane = (size_t)spsi_plane_floats(spsi_taps_wanted(frame)) * sizeof(float);
+    size_t ints = 0, values = 2 * plane, thirds = 0; /* bytes; two planes are empty */
     spsi_reserve(context, SPSI_BUFFER_PYRAMIDS, 1, sizeof(spsi_pyramid));
-    spsi_reserve(context, SPSI_BUFFER_PYRAMID_VALUES, 2, plane); /* empty planes */
     for (int m = 0; m < frame->medium_count; ++m) {
         const size_t reached = 27 * (size_t)bricks[m], most = spsi_pyramid_cells_most(frame, m, (size_t)bricks[m]);
         spsi_pyramid_level levels[2];
@@ -12783,14 +12783,15 @@ static void spsi_pyramids_count(sps_context *context, const spsi_frame *frame, c
         for (int n = 0; n <= spsi_levels_wanted(frame, m); ++n) {
             size_t cells = spsi_pyramid_cells(&levels[n % 2]);
             cells = cells < (n ? 9 : 1) * most ? cells : (n ? 9 : 1) * most;
-            spsi_reserve(context, SPSI_BUFFER_PYRAMID_GRIDS, cells, spsi_pyramid_ints(frame, m) * sizeof(int));
-            spsi_reserve(context, SPSI_BUFFER_PYRAMID_VALUES, reached < cells ? reached : cells,
-                         sizeof(spsi_pyramid_brick) + SPSI_BRICK * plane);
-            if (n == 0 && spsi_may_interpolate(frame))
-                spsi_reserve(context, SPSI_BUFFER_THIRDS, cells, 8 * sizeof(float));
+            spsi_bytes_add(&ints, cells, spsi_pyramid_ints(frame, m) * sizeof(int));
+            spsi_bytes_add(&values, reached < cells ? reached : cells, sizeof(spsi_pyramid_brick) + SPSI_BRICK * plane);
+            if (n == 0 && spsi_may_interpolate(frame)) spsi_bytes_add(&thirds, cells, 8 * sizeof(float));
             spsi_level_place(&levels[n % 2], &levels[1 - n % 2]);
         }
     }
+    spsi_reserve(context, SPSI_BUFFER_PYRAMID_GRIDS, ints, 1);
+    spsi_reserve(context, SPSI_BUFFER_PYRAMID_VALUES, values, 1);
+    spsi_reserve(context, SPSI_BUFFER_THIRDS, thirds, 1);
 }
 
 /* Places the finest grids; returns their number of integers. */

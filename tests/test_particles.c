@@ -1313,7 +1313,7 @@ static void test_measures(void) {
     static const double offsets[6][3] = {{3, 0, 0}, {-3, 0, 0}, {0, 2, 0}, {0, -2, 0}, {0, 0, 1}, {0, 0, -1}};
     static spsi_content content;
     static spsi_frame frame;
-    sps_particle list[6];
+    spsi_particle list[6];
     memset(list, 0, sizeof list);
     for (int i = 0; i < 6; ++i) { /* whole numbers that are exact in floats */
         check_color(list[i].position, 70000 + offsets[i][0], -3000 + offsets[i][1], 500 + offsets[i][2]);

@@ -553,7 +553,7 @@ static void test_collisions(void) {
     static spsi_frame frame;
     static spsi_content content;
     static spsi_marcher marcher;
-    static const sps_particle balls[2] = {{{0, 0, 5}, 2, 2.5f, {0, 0, 0}}, {{0.3f, 0, 6}, 1.5f, 1, {0, 0, 0}}};
+    static const spsi_particle balls[2] = {{{0, 0, 5}, 2, 2.5f}, {{0.3f, 0, 6}, 1.5f, 1}};
     static const double places[PLACES] = {4, 5, 6, 7};
     spsi_tree_node leaf = {{-9, -9, -9}, {9, 9, 9}, 0, 2};
     int order[2] = {0, 1}, before[PLACES] = {0}, soft = 0;

@@ -17,6 +17,7 @@ static void scale_doubles(double *values, int count, double by) {
 static void scale_light(double by) {
     for (int i = 0; i < 3; ++i) scale_floats(it.light[i].color, 3, by);
     for (int i = 0; i < 2; ++i) scale_floats(it.volume[i].emission, 3, by), scale_floats(it.volume[i].ambient, 3, by);
+    for (int i = 0; i < 3; ++i) scale_floats(it.point[i].emission, 3, by);
     scale_floats(it.set.emission, 3, by), scale_floats(it.set.ambient, 3, by);
     scale_floats(it.look.emission, 3, by);
     scale_floats(it.scene.ambient, 3, by), scale_floats(it.scene.background, 3, by);
@@ -35,7 +36,10 @@ static void scale_lengths(double by) {
         scale_floats(it.volume[i].emission, 3, 1 / by);
         scale_doubles(it.mesh[i].placement.axis[0], 9, by), scale_doubles(it.mesh[i].placement.origin, 3, by);
     }
-    for (int i = 0; i < 3; ++i) it.point[i].extinction = (float)((double)it.point[i].extinction / by);
+    for (int i = 0; i < 3; ++i) {
+        it.point[i].extinction = (float)((double)it.point[i].extinction / by);
+        scale_floats(it.point[i].emission, 3, 1 / by);
+    }
     for (int i = 0; i < 4; ++i)
         scale_floats(it.particle[i].position, 3, by), scale_floats(&it.particle[i].radius, 1, by);
     for (int i = 1; i < 3; ++i) {
@@ -56,7 +60,7 @@ static void turn(float color[3]) {
 }
 
 static void turn_colors(void) {
-    for (int i = 0; i < 3; ++i) turn(it.light[i].color), turn(it.point[i].albedo);
+    for (int i = 0; i < 3; ++i) turn(it.light[i].color), turn(it.point[i].albedo), turn(it.point[i].emission);
     for (int i = 0; i < 2; ++i) {
         turn(it.volume[i].albedo), turn(it.volume[i].emission), turn(it.volume[i].ambient);
         turn(it.mesh[i].albedo), turn(it.mesh[i].transmittance);

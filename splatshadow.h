@@ -5591,7 +5591,8 @@ static void spsi_block_validate(spsi_voxels *voxels) {
                     block->replaced += !block->medium->again;
                     continue;
                 }
-                block->result = SPS_ERROR_DATA, block->field = "value", block->bounds = "0..1e18", block->number = (double)*value;
+                block->result = SPS_ERROR_DATA, block->field = "value", block->bounds = "0..1e18";
+                block->number = (double)*value;
                 block->voxel[0] = block->low[0] + x, block->voxel[1] = block->low[1] + y;
                 block->voxel[2] = block->low[2] + z;
                 return;
@@ -6265,7 +6266,8 @@ SPSI_COLD sps_result spsi_gather_particles(sps_context *context, const spsi_fram
     const size_t count = frame->particles.count, colored = spsi_albedo_count(frame);
     if (frame->particles.set_count == 0) return SPS_OK;
     spsi_particle_lists lists = {
-        (sps_particle *)spsi_reserve(context, SPSI_BUFFER_PARTICLE_BATCH, spsi_batch_count(frame), sizeof(sps_particle)),
+        (sps_particle *)spsi_reserve(context, SPSI_BUFFER_PARTICLE_BATCH, spsi_batch_count(frame),
+                                     sizeof(sps_particle)),
         (spsi_particle *)spsi_reserve(context, SPSI_BUFFER_PARTICLES, count, sizeof(spsi_particle)),
         (float(*)[3])spsi_reserve(context, SPSI_BUFFER_PARTICLE_ALBEDOS, colored, sizeof(float[3])), 0};
     if (context->result) return context->result;
@@ -19181,8 +19183,8 @@ static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice
     area = spsi_emitter_sum_sphere(lattice, sum, point, &like);
     like.gas = (float)(amount * extinction);
     own = 0.75 / SPSI_PI * amount * extinction / area;
-    spsi_emitter_trap(material, material->albedo, (double)flights->grids->peak[m], own, flies / spsi_dmax(extinction, (double)FLT_MIN),
-                      &like);
+    spsi_emitter_trap(material, material->albedo, (double)flights->grids->peak[m], own,
+                      flies / spsi_dmax(extinction, (double)FLT_MIN), &like);
     spsi_emitter_own_absorption(flights, point, (double)like.radius, own, m, &like);
     spsi_emitters_add(flights, point, flies * amount, own, &like, items);
 }

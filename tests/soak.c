@@ -222,13 +222,19 @@ static void beside_place(double frame[3][3], double across, double up, double al
 }
 
 /* Gas about the scene's centre, of an optical depth of 0.1 to 4 where its values are 1. */
+/* Photons know gas of one color that fades out at its box. */
+static void make_plain(sps_volume *volume) {
+    volume->appearance_fn = NULL, volume->border = 0;
+    memset(volume->crop, 0, sizeof volume->crop);
+}
+
 static void beside_gas(random_scene *x) {
     static const int shapes[3] = {FIELD_BLOB, FIELD_NOISE, FIELD_CONSTANT};
     static const double centre[3] = {0, 0, 0};
     const int shape = shapes[draw_below(&x->random, 3)], placement = draw_below(&x->random, 2);
     sps_volume *volume = &x->s.volume[x->s.scene.volume_count];
     add_volume(x, VOLUME_GAS, shape, SOURCE_READ, placement, BESIDE_VOXELS, centre);
-    volume->appearance_fn = NULL; /* photons know gas of one color */
+    make_plain(volume);
     volume->extinction = (float)(draw_log(&x->random, 0.1, 4) / x->scale);
     if (one_in(&x->random, 2)) return;
     x->lobes[0][0].asymmetry = (float)draw(&x->random, -0.3, 0.7), x->lobes[0][0].weight = 1;
@@ -248,7 +254,7 @@ static void beside_flame(random_scene *x, const double place[3]) {
             volume->placement.axis[a][k] *= edge;
         }
     }
-    volume->appearance_fn = NULL;
+    make_plain(volume);
     memcpy(x->fields[n].values.size, volume->size, sizeof volume->size);
     x->fields[n].values.placement = volume->placement;
     x->formulas[n].scale = edge * scale;

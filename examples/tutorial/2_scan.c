@@ -40,7 +40,7 @@ static void print_stats(const sps_context *context, const char *what) {
 
 int main(int argc, char **argv) {
     static float rgba[WIDTH * HEIGHT * 4];
-    /* value, color, extinction: a voxel is 2 / 128 wide, so that bone is opaque within one or two of them. */
+    /* value, color, extinction, emission: a voxel is 2 / 128 wide, so that bone is opaque within one or two of them. */
     static const sps_transfer_point look[] = {{0.10f, {0.75f, 0.25f, 0.15f}, 0, {0, 0, 0}},
                                               {0.30f, {0.75f, 0.25f, 0.15f}, 5, {0, 0, 0}},
                                               {0.45f, {0.90f, 0.80f, 0.60f}, 60, {0, 0, 0}},

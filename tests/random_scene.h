@@ -938,8 +938,7 @@ static inline void copy_channel(random_scene *x, int from, int to) {
     colors[count++] = x->s.scene.ambient, colors[count++] = x->s.scene.background;
     for (int i = 0; i < count; ++i) colors[i][to] = colors[i][from];
     for (int i = 0; i < SCENE_SETS; ++i)
-        for (int k = 0; k < SCENE_PARTICLES; ++k)
-            x->crowds[i].list[k].albedo[to] = x->crowds[i].list[k].albedo[from];
+        for (int k = 0; k < SCENE_PARTICLES; ++k) x->crowds[i].list[k].albedo[to] = x->crowds[i].list[k].albedo[from];
 }
 
 /* Two channels, which are drawn, are the same. */

@@ -276,10 +276,10 @@ typedef struct sps_volume {
     uint32_t start_canary;   /* leave 0 */
     int size[3];             /* voxels along x, y, z, at most 65536 each; any of them 0: no volume */
     sps_placement placement; /* maps the unit cube to the volume's box; may rotate, scale and shear */
-    /* Voxel faces that cut the field: i0, j0, k0, i1, j1, k1, of 0..size. All 0: none; empty: no volume. */
+    /* Voxel faces that cut the field: i0, j0, k0, i1, j1, k1, of 0..size. All 0: none. An empty box: no volume. */
     int crop[6];
-    /* Voxels beyond all sides of the box that callbacks deliver, 0..65536 (lo from -border on), for interpolation only:
-       the box cuts the field (docs/manual.md, section 2). */
+    /* Voxels beyond all sides of the box that callbacks deliver, 0..65536 (lo from -border on). They only feed
+       interpolation: the field ends at the box (docs/manual.md, section 2). */
     int border;
 
     /* Writes the size[0]*size[1]*size[2] values (>= 0) of the block of voxels that begins at lo, x fastest. */
@@ -287,14 +287,14 @@ typedef struct sps_volume {
     /* Optional: bounds the values in a block, to skip it without reading. May be too wide, never too narrow; write
        0..1e18 if data may be invalid. */
     int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]);
-    /* First asks range_fn for larger blocks: 1: 64^3, 2: 512^3, 3: both. Pays if it has an index. */
+    /* Larger blocks to ask range_fn about first: 1: 64^3, 2: 512^3, 3: both. Pays if it answers from an index. */
     int range_levels;
     /* Instead of read_fn: writes the values at voxel centres; `positions` are packed triples in world space. */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
     /* Non-zero: several workers may call read_fn, range_fn and eval_fn at once, in any order. They must lock what they
-       change. 0: only the calling thread does. Counts as set if read_fn is sps_grid_read and range_fn is NULL or
-       sps_grid_range. */
+       change. 0: only the calling thread does. Counts as set if read_fn is sps_grid_read, range_fn is NULL or
+       sps_grid_range, and there is no appearance_fn. */
     int concurrent;
     /* Non-zero: keeps the voxels for the next call, if every volume has a revision and none has changed. */
     uint64_t revision;
@@ -306,14 +306,15 @@ typedef struct sps_volume {
     const sps_lobe *lobes; /* NULL: isotropic */
     int lobe_count;        /* 0..8 */
 
-    /* Optional, without a transfer function: color per voxel, in the blocks and threads of read_fn. Writes packed
-       triples: albedo (arrives filled with `albedo`), and emission (arrives as 0) in radiance per world unit, added to
-       that by value. Either pointer is NULL where not needed. Interpolation weighs albedo by extinction. */
+    /* Optional, without a transfer function: color per voxel, a layer of a block at a time, on read_fn's threads.
+       Writes packed triples: albedo (arrives as `albedo`), and emission (arrives as 0), radiance per world unit, added
+       to that by value. Either pointer is NULL where not needed. Interpolation weights albedo by extinction. A block
+       that emits must not have a range of 0..0. */
     int (*appearance_fn)(void *user, const int lo[3], const int size[3], float *albedo, float *emission);
 
     const sps_transfer *transfer; /* NULL: gas; otherwise replaces extinction, albedo and emission */
-    /* 1: the transfer function applies to voxels, whose extinction and colors are interpolated (for labels; values of 0
-       are empty). gradient_full then counts in fractions of the largest extinction. 0: to interpolated values. */
+    /* 1: the transfer function applies to voxels, whose extinction and colors are interpolated: use it for labels. Value
+       0 stays empty. gradient_full then counts in fractions of the largest extinction. 0: to interpolated values. */
     int classify_voxels;
     sps_shading shading;          /* with a transfer function */
     float gradient_full;          /* gradient (value per voxel) above which all is surface; 0 means 0.05 */
@@ -840,7 +841,7 @@ typedef struct sps_stats_report {
     double seconds_bin, seconds_light, seconds_cells, seconds_eye, seconds_total;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls, background_calls;
     uint64_t shade_calls;
-    uint64_t blocks_skipped; /* of 32^3 voxels; empty by range_fn */
+    uint64_t blocks_skipped; /* blocks of 32^3 voxels that range_fn showed to be empty */
     uint64_t voxels_read, voxels_relevant, bricks, values_replaced;
     uint64_t triangles, triangles_degenerate, pixels_of_polygons;
     uint64_t surface_points; /* passed to shade_fn */
@@ -2863,7 +2864,7 @@ static inline void spsi_classify_emission(const spsi_material *material, spsi_v 
         out[c] = spsi_select(spsi_less(spsi_set(0), value), spsi_mix(low[c], high[c], beyond), spsi_set(0));
 }
 
-/* The same for one value, and the mean of the channels. Emission of a gas is proportional to its value. */
+/* Scalar version; out[3] is the mean of the channels. A gas emits in proportion to its value. */
 static void spsi_emission_at_value(const spsi_material *material, double value, double out[4]) {
     const float *last = NULL;
     double at = 0;
@@ -3903,12 +3904,13 @@ typedef struct spsi_lattice {
     int medium;
     spsi_crop_kind cropped;
     double crop[2][3]; /* low and high faces, in voxels */
+    int room;          /* minimum of voxels read beyond a face */
     double corner[3];  /* world corner of voxel (0,0,0) */
     double step[3][3]; /* voxel edges in world space */
     double voxel_volume;
 } spsi_lattice;
 
-/* What of a volume a medium holds. Colored ones are several media, in this order, over equal lattices. */
+/* The quantity that a medium stores. Colored volumes are several media, in this order, over equal lattices. */
 typedef enum spsi_part {
     SPSI_PART_VALUES, /* values, or classified voxels' extinction */
     SPSI_PART_RED,    /* these times albedo; green and blue follow */
@@ -3920,7 +3922,7 @@ typedef struct spsi_medium {
     int index;
     int part;                        /* spsi_part, or green or blue */
     int follows;                     /* albedo: number of media since the values; else 0 */
-    int again;                       /* 1: an earlier medium reads the same voxels */
+    int again;                       /* 1: not the volume's first medium; voxels are read again */
     const spsi_material *classifier; /* classifies voxels; NULL: none */
     float unit;                      /* largest classified extinction */
     int low[3], high[3];   /* voxels to read */
@@ -4880,7 +4882,8 @@ SPSI_COLD sps_result spsi_parts_classified(sps_context *context, const sps_volum
     if (spsi_transfer_tabulate(context, volume->transfer, index, parts->classifier)) return context->result;
     const spsi_table *table = parts->classifier->table;
     for (int i = 0; i <= SPSI_TABLE_SIZE; ++i) parts->unit = spsi_fmax(parts->unit, table->entry[i][3]);
-    parts->colors = spsi_table_colors(table, albedo);
+    if (parts->unit < SPSI_VALUE_MIN) parts->unit = 0;
+    parts->colors = parts->unit > 0 ? spsi_table_colors(table, albedo) : 0;
     for (int c = 0; c < 3 && parts->colors > 0; ++c) albedo[c] = 1;
     parts->values = parts->unit > 0;
     parts->glows = spsi_glow_colors(parts->classifier->glow);
@@ -4912,8 +4915,7 @@ SPSI_COLD sps_result spsi_medium_place(sps_context *context, const sps_volume *v
                       "it is too small for the numbers in use");
 }
 
-/* Voxels read around a crop: enough for levels whose voxels are up to 1/36 of its longest edge, 4.5 voxels beyond. */
-#define SPSI_CROP_ROOM 8
+#define SPSI_CROP_ROOM 8 /* minimum of voxels read around a crop: the reach of classified samples */
 
 /* Sets the voxels to read, and the faces that cut the field. */
 SPSI_COLD void spsi_medium_crop(const sps_volume *volume, spsi_medium *medium) {
@@ -4921,10 +4923,13 @@ SPSI_COLD void spsi_medium_crop(const sps_volume *volume, spsi_medium *medium) {
     int longest = 0, crop[6];
     for (int k = 0; k < 6; ++k) crop[k] = cropped ? volume->crop[k] : k < 3 ? 0 : volume->size[k - 3];
     for (int k = 0; k < 3; ++k) longest = spsi_imax(longest, crop[3 + k] - crop[k]);
+    medium->lattice->room = SPSI_BORDER_MAX;
     for (int k = 0; k < 3; ++k) {
         const int room = cropped ? SPSI_CROP_ROOM + longest / 8 : SPSI_BORDER_MAX;
         medium->low[k] = spsi_imax(-volume->border, crop[k] - room);
         medium->high[k] = spsi_imin(volume->size[k] + volume->border, crop[3 + k] + room);
+        medium->lattice->room =
+            spsi_imin(medium->lattice->room, spsi_imin(crop[k] - medium->low[k], medium->high[k] - crop[3 + k]));
         medium->lattice->crop[0][k] = crop[k];
         medium->lattice->crop[1][k] = crop[3 + k];
     }
@@ -4938,7 +4943,8 @@ SPSI_COLD void spsi_medium_build(const sps_volume *volume, int index, spsi_latti
     medium->index = index;
     medium->lattice = lattice;
     spsi_medium_crop(volume, medium);
-    if (volume->read_fn == sps_grid_read && (!volume->range_fn || volume->range_fn == sps_grid_range))
+    if (volume->read_fn == sps_grid_read && (!volume->range_fn || volume->range_fn == sps_grid_range) &&
+        !volume->appearance_fn)
         medium->given.concurrent = 1;
 }
 
@@ -5428,7 +5434,7 @@ SPSI_COLD int spsi_block_cells(const spsi_medium *medium, int edge, int axis) {
     return spsi_block_cell(medium->high[axis] - 1, edge) - spsi_block_cell(medium->low[axis], edge) + 1;
 }
 
-/* corner: of the block without its margin. */
+/* corner: low corner, without the margin. */
 SPSI_COLD void spsi_block_place(spsi_block *block, const spsi_medium *medium, const spsi_material *material,
                                 const int corner[3], int edge) {
     const int margin = material->table ? SPSI_MARGIN : 0;
@@ -5519,6 +5525,7 @@ static void spsi_block_color_layer(spsi_block *block, int z, const float *colors
         const float color = colors[3 * i + (glow >= 0 ? glow : c)];
         const int valid = color >= 0 && color <= (glow >= 0 ? SPSI_VALUE_MAX : 1);
         if (valid || block->replace) {
+            block->replaced += !valid;
             values[i] = !valid ? 0 : glow >= 0 ? color : color * values[i];
             continue;
         }
@@ -10757,6 +10764,14 @@ static inline void spsi_footprints_even(const spsi_splatter *s, spsi_footprints 
                                                spsi_pixels_sum(f->y, f->half_height, per_cut, alone))));
 }
 
+/* Fraction inside a crop of the kernels of all voxels of a mip level with this coordinate. */
+static float spsi_crop_fraction(const spsi_lattice *lattice, int axis, int level, int voxel) {
+    const float low = (float)((lattice->crop[0][axis] / (1 << level) - voxel - 0.5) / SPSI_REACH);
+    const float high = (float)((lattice->crop[1][axis] / (1 << level) - voxel - 0.5) / SPSI_REACH);
+    if (low <= -1 && high >= 1) return 1;
+    return spsi_fmax(spsi_one(spsi_sub(spsi_kernel_fraction(spsi_set(high)), spsi_kernel_fraction(spsi_set(low)))), 0);
+}
+
 /* Values of a brick's voxels, for sums over kernels. A cropped gas's are multiplied by the kernels' fractions inside,
    in `cut`. Returns NULL if all of these are 0. */
 static const float *spsi_brick_values(const spsi_lattice *lattice, const spsi_segment *segment, const spsi_brick *brick,
@@ -10767,14 +10782,9 @@ static const float *spsi_brick_values(const spsi_lattice *lattice, const spsi_se
     for (int k = 0; k < 3; ++k) {
         float most = 0;
         for (int i = brick->low[k]; i <= brick->high[k]; ++i) {
-            const double at = brick->base[k] + i + 0.5;
-            const float low = (float)((lattice->crop[0][k] - at) / SPSI_REACH);
-            const float high = (float)((lattice->crop[1][k] - at) / SPSI_REACH);
-            const spsi_v inside =
-                spsi_sub(spsi_kernel_fraction(spsi_set(high)), spsi_kernel_fraction(spsi_set(low)));
-            fraction[k][i] = spsi_fmax(spsi_one(inside), 0);
+            fraction[k][i] = spsi_crop_fraction(lattice, k, 0, brick->base[k] + i);
             most = spsi_fmax(most, fraction[k][i]);
-            whole &= low <= -1 && high >= 1;
+            whole &= fraction[k][i] >= 1;
         }
         if (!(most > 0)) return NULL;
     }
@@ -10787,7 +10797,7 @@ static const float *spsi_brick_values(const spsi_lattice *lattice, const spsi_se
     return cut;
 }
 
-/* values: of the brick's voxels. */
+/* values: one per voxel of the brick. */
 static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi_brick_origin *origin,
                              const spsi_segment *segment, const spsi_brick *brick, const float *values,
                              float *channel) {
@@ -11212,6 +11222,20 @@ static inline double spsi_sampler_step(const spsi_pyramid *fields) {
     return fields->taps > 4 ? SPSI_SAMPLER_STEP_6 : SPSI_SAMPLER_STEP;
 }
 
+/* Voxels beyond a cut that matter to samples before it. Parabolas reach a sample beyond. */
+SPSI_COLD int spsi_level_reach(const spsi_pyramid *fields, int level) {
+    const double reach = fields->taps / 2.0 + spsi_sampler_step(fields) + (level > 0 ? 1.5 : 0);
+    return (int)ceil(reach * (1 << level));
+}
+
+/* The coarsest level of a cropped gas whose reach was read. Up to it, levels hold what lies beyond, and are clipped.
+   Coarser ones are made of cut voxels: they would leak out of the crop, which may be narrower than their voxels. */
+SPSI_COLD int spsi_crop_level(const spsi_pyramid *fields, const spsi_lattice *lattice) {
+    int level = 0;
+    while (level < SPSI_LEVELS && spsi_level_reach(fields, level + 1) <= lattice->room) ++level;
+    return level;
+}
+
 SPSI_COLD void spsi_pyramids_weigh(spsi_pyramid *fields, int taps) {
     fields->taps = taps;
     memset(fields->weights, 0, sizeof fields->weights);
@@ -11319,6 +11343,8 @@ typedef struct spsi_pyramid_job {
     int taps;
     spsi_pyramid_level *field;
     const spsi_pyramid_level *fine; /* next finer level, or NULL */
+    const spsi_lattice *cut;        /* the first level that is cut, not clipped; else NULL */
+    int level;
 } spsi_pyramid_job;
 
 /* Stored brick's index; -1: none. */
@@ -11612,18 +11638,33 @@ SPSI_COLD void spsi_level_number(const spsi_pyramid_level *fine, spsi_pyramid_le
     for (size_t i = 0; i < cells; ++i) level->grid[i] = level->grid[i] ? level->count++ : -1;
 }
 
-/* Downsamples a brick and its one-voxel border to 4^3 coarser voxels with weights (1, 3, 3, 1) / 8. */
+/* Fractions inside the crop of a finer brick's voxels and of one more on each side. */
+static void spsi_level_crop(const spsi_pyramid_job *job, int from, float inside[3][SPSI_BRICK + 2]) {
+    int at[3];
+    spsi_pyramid_at(job->fine, job->fine->stored[from].place, at);
+    for (int k = 0; k < 3; ++k)
+        for (int i = 0; i < SPSI_BRICK + 2; ++i)
+            inside[k][i] = spsi_crop_fraction(job->cut, k, job->level - 1, SPSI_BRICK * at[k] + i - 1);
+}
+
+/* Downsamples a brick and its one-voxel border to 4^3 coarser voxels with weights (1, 3, 3, 1) / 8, of voxels that are
+   cut on the way to the first level that is not clipped. */
 static void spsi_level_octant(const spsi_pyramid_job *job, int from, int to, const int first[3]) {
     enum { FROM = SPSI_BRICK + 2, TO = SPSI_BRICK / 2 };
     const int pitch = spsi_pyramid_pitch(job->taps), before = job->taps / 2 - 2;
-    float x_halved[FROM][FROM][TO], xy_halved[FROM][TO][TO];
+    float x_halved[FROM][FROM][TO], xy_halved[FROM][TO][TO], inside[3][FROM], cut[FROM];
+    if (job->cut) spsi_level_crop(job, from, inside);
     for (int z = 0; z < FROM; ++z) {
         const float *plane = spsi_pyramid_plane(job->fine, from, z + before);
-        for (int y = 0; y < FROM; ++y)
+        for (int y = 0; y < FROM; ++y) {
+            const float *row = plane + (y + before) * pitch + before;
+            for (int x = 0; x < FROM && job->cut; ++x) cut[x] = row[x] * inside[0][x] * inside[1][y] * inside[2][z];
+            if (job->cut) row = cut;
             for (int x = 0; x < TO; ++x) {
-                const float *v = plane + (y + before) * pitch + 2 * x + before;
+                const float *v = row + 2 * x;
                 x_halved[z][y][x] = 0.125f * (v[0] + v[3]) + 0.375f * (v[1] + v[2]);
             }
+        }
     }
     for (int z = 0; z < FROM; ++z)
         for (int y = 0; y < TO; ++y)
@@ -12401,7 +12442,7 @@ SPSI_COLD void spsi_sampler_build(const spsi_pyramid *fields, const spsi_lattice
         for (int i = 0; i < 3; ++i) sampler->rows[k][i] = (float)(rows[k][i] * edge);
         spsi_linear_build(rays, rows[k], lattice->corner, -0.5 - SPSI_BRICK * sampler->field->low[k], &sampler->at[k]);
     }
-    sampler->cropped = lattice->cropped == SPSI_CROP_GAS;
+    sampler->cropped = lattice->cropped == SPSI_CROP_GAS && level <= spsi_crop_level(fields, lattice);
     sampler->begins = rays->perspective;
     for (int n = 0; n < 6; ++n)
         sampler->crop[n / 3][n % 3] =
@@ -12638,7 +12679,7 @@ SPSI_COLD spsi_fill_choice spsi_sampler_judge(const spsi_frame *frame, const sps
     sampler->whole = splatter->whole;
     if (frame->view.filling == SPS_FILLING_SPLAT) return SPSI_SPLAT_ASKED;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
-    if (sampler->cropped) return SPSI_GATHER_CROPPED;
+    if (lattice->cropped == SPSI_CROP_GAS) return SPSI_GATHER_CROPPED;
     if (spsi_medium_depth(frame, lattice) > SPSI_SAMPLER_OPAQUE) return SPSI_SPLAT_OPAQUE;
     return chosen > 0 || spsi_sampler_pays(sampler, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
 }
@@ -12670,7 +12711,9 @@ static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, c
         if (!spsi_gathers(verdict)) continue;
         if (chooses) sampler.mix = spsi_levels_mix(frame, m, &sampler);
         if (chooses) frame->content->levels[m] = (float)sampler.level + sampler.mix;
-        for (int n = 0; n < 9 && !sampler.cropped && (sampler.level > 0 || sampler.mix > 0); ++n) {
+        const int coarsest = sampler.level + (sampler.mix > 0);
+        const int clipped = lattice->cropped == SPSI_CROP_GAS && coarsest <= spsi_crop_level(sampler.fields, lattice);
+        for (int n = 0; n < 9 && !clipped && coarsest > 0; ++n) {
             const double reach = fabs(lattice->step[n / 3][n % 3]) * (spsi_sampler_reach(&sampler) - SPSI_REACH);
             bounds->low[n % 3] -= reach;
             bounds->high[n % 3] += reach;
@@ -12689,30 +12732,26 @@ static void spsi_levels_choose(const spsi_frame *frame) {
     spsi_levels_extend(frame, &content->eye, &slabs, 1);
 }
 
-/* Voxels beyond a cut that matter to samples before it. Parabolas reach a sample beyond; classified ones, two slabs and
-   the visible voxels around. */
+/* The border that the frame's level needs; for classified samples, two slabs and the visible voxels around. */
 SPSI_COLD int spsi_border_needed(const spsi_frame *frame, int medium) {
     const spsi_pyramid *fields = frame->content->fields;
     const int classified = frame->lattices[medium].cropped == SPSI_CROP_CLASSIFIED;
     const double level = ceil(spsi_dmax(0, (double)frame->content->levels[medium]));
     if (!fields) return classified ? 6 : 3;
-    const double reach = fields->taps / 2.0 + spsi_sampler_step(fields) + (level > 0 ? 1.5 : 0);
-    return (int)ceil(reach * pow(2, level)) + (classified ? 4 : 0);
+    return spsi_level_reach(fields, (int)level) + (classified ? 4 : 0);
 }
 
-/* Warns where a border is narrower than that. */
+/* Warns where a border is narrower than that, once for each volume. */
 SPSI_COLD void spsi_borders_check(const sps_context *context, const spsi_frame *frame) {
     for (int m = 0; m < frame->medium_count; ++m) {
         const spsi_medium *medium = &frame->media[m];
-        const int border = medium->given.border, needed = spsi_border_needed(frame, m);
-        double room = HUGE_VAL;
+        const int border = medium->given.border, room = medium->lattice->room;
+        int needed = spsi_border_needed(frame, m);
         char text[128];
-        for (int k = 0; k < 3; ++k) {
-            room = spsi_dmin(room, medium->lattice->crop[0][k] + border);
-            room = spsi_dmin(room, medium->given.size[k] + border - medium->lattice->crop[1][k]);
-        }
+        while (m + 1 < frame->medium_count && frame->media[m + 1].again)
+            needed = spsi_imax(needed, spsi_border_needed(frame, ++m));
         if (border == 0 || room >= needed) continue;
-        SPS_SNPRINTF(text, sizeof text, "volume[%d].border is %d; this view needs %.0f for a cut without a trace",
+        SPS_SNPRINTF(text, sizeof text, "volume[%d].border is %d; this view needs %d for a cut without a trace",
                      medium->index, border, border + needed - room);
         spsi_tell(context, text);
     }
@@ -12858,12 +12897,16 @@ static spsi_pyramid_job spsi_pyramid_job_of(const sps_context *context, const sp
     spsi_pyramid *fields = frame->content->fields;
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
     spsi_pyramid_level *field = &fields->levels[medium][level];
+    const spsi_lattice *lattice = &frame->lattices[medium];
+    const int cut = level > 0 && level == spsi_crop_level(fields, lattice) + 1;
     const spsi_pyramid_job job = {context,
                                   (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data,
                                   material->table ? material : NULL,
                                   fields->taps,
                                   field,
-                                  level > 0 ? field - 1 : NULL};
+                                  level > 0 ? field - 1 : NULL,
+                                  lattice->cropped == SPSI_CROP_GAS && cut ? lattice : NULL,
+                                  level};
     return job;
 }
 
@@ -12968,7 +13011,7 @@ SPSI_COLD sps_result spsi_pyramids_thirds(sps_context *context, const spsi_frame
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_pyramid_level *field = fields->levels[m];
         const size_t count = 8 * spsi_pyramid_cells(field);
-        spsi_pyramid_job job = {context, NULL, NULL, fields->taps, field, NULL};
+        spsi_pyramid_job job = {context, NULL, NULL, fields->taps, field, NULL, NULL, 0};
         field->bends = bends;
         bends += count;
         if (field->count == 0) continue;
@@ -13197,8 +13240,15 @@ static int spsi_target_follow(spsi_target *target, int i) {
     target->verdicts[i] = target->verdicts[values];
     target->samplers[i] = target->samplers[values];
     if (!spsi_gathers(target->verdicts[i])) return 1;
-    target->samplers[i].finest = fields->levels[i];
-    target->samplers[i].field = &fields->levels[i][target->samplers[i].level];
+    spsi_sampler *sampler = &target->samplers[i];
+    const spsi_pyramid_level *from = sampler->field;
+    sampler->finest = fields->levels[i];
+    sampler->field = &fields->levels[i][sampler->level];
+    for (int k = 0; k < 3; ++k) { /* coordinates count from the first brick */
+        const int shift = SPSI_BRICK * (from->low[k] - sampler->field->low[k]);
+        sampler->at[k].base[0] += (float)shift;
+        for (int n = 0; n < 2; ++n) sampler->crop[n][k] += (float)shift;
+    }
     return 1;
 }
 
@@ -20234,7 +20284,7 @@ static void spsi_samples_color(const spsi_material *material, int channel, spsi_
     }
 }
 
-/* Takes what lies beyond a volume's crop from its parts' optical depths, and sums them. */
+/* Scales each part's optical depth and emission by its fraction inside the crop, then sums the depths. */
 static void spsi_samples_crop(const spsi_shader *shader, const spsi_crop *crop, const spsi_pixels *p, int channel,
                               spsi_slab *slab) {
     const spsi_v way = spsi_sub(slab->leave, slab->enter);
@@ -23677,9 +23727,13 @@ static uint64_t spsi_scattered_fingerprint(const sps_context *context, const sps
         hash = spsi_fingerprint(hash, &frame->media[i].channel, sizeof(int));
     SPSI_ROLLED for (int i = 0; i < frame->particles.set_count; ++i)
         hash = spsi_fingerprint(hash, &frame->particles.sets[i].channel, sizeof(int));
+    if (frame->content->albedos)
+        hash = spsi_fingerprint(hash, frame->content->albedos,
+                                (size_t)frame->content->particle_count * sizeof *frame->content->albedos);
     SPSI_ROLLED for (int m = 0; m < frame->matter.material_count; ++m) {
         const spsi_material *material = &frame->matter.materials[m];
         hash = spsi_fingerprint(hash, material->albedo, sizeof material->albedo);
+        hash = spsi_fingerprint(hash, &material->colored, sizeof material->colored);
         hash = spsi_fingerprint(hash, material->emission, sizeof material->emission);
         if (material->glow) hash = spsi_fingerprint(hash, *material->glow, sizeof *material->glow);
         hash = spsi_fingerprint(hash, material->lobes, (size_t)material->lobe_count * sizeof(sps_lobe));
@@ -27497,13 +27551,13 @@ SPSI_COLD sps_result spsi_bracket_check(sps_context *context, const spsi_frame *
                               "must be SPS_SCATTERING_SINGLE: light has bounds as long as it scatters once");
     for (int m = 0; m < frame->medium_count; ++m) {
         const spsi_material *material = spsi_material_of(frame, m);
-        if (spsi_material_varies(material))
+        if (frame->media[m].given.transfer || spsi_material_varies(material))
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, frame->media[m].index,
-                                  material->table ? "transfer" : "appearance_fn",
+                                  frame->media[m].given.transfer ? "transfer" : "appearance_fn",
                                   0, "has corners, and normals, for which no bounds are known");
         if (frame->media[m].lattice->cropped)
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, frame->media[m].index, "crop", 0,
-                                  "or border cuts the field, for which no bounds are known");
+                                  "and border have no known error bounds");
     }
     for (int m = 0; m < frame->matter.material_count; ++m) scatters |= frame->matter.materials[m].scatters;
     for (int i = 0; i < frame->lights.count; ++i) {

@@ -862,7 +862,7 @@ static int check_volumes(const arguments *all, ex_error *error) {
                 return ex_fail(error, "--box of %s: no extent along %c", volume->file, 'x' + a);
         for (int a = 0; a < 3 && has(volume->given, "--crop"); ++a)
             if (volume->crop[a] >= volume->crop[3 + a] || volume->crop[3 + a] > volume->voxels.size[a])
-                return ex_fail(error, "--crop of %s: faces %d and %d along %c leave no voxel of its %d", volume->file,
+                return ex_fail(error, "--crop of %s: faces %d and %d along %c must rise within 0..%d", volume->file,
                                volume->crop[a], volume->crop[3 + a], 'x' + a, volume->voxels.size[a]);
         if (check_temperature(volume, error) || check_appearance(volume, error)) return 1;
     }

@@ -423,27 +423,12 @@ static inline void draw_looks(random_scene *x, int n, int kind) {
         draw_paint(x, n, extinction);
 }
 
-/* Cuts one volume in four by faces, at most a third of it from each side; one in eight ends at its box, and is
-   interpolated with what lies beyond. */
-static inline void draw_crop(random_scene *x, int n) {
-    check_random apart = draw_apart(x);
-    sps_volume *volume = &x->s.volume[n];
-    check_next(&apart), check_next(&apart);
-    const int cuts = one_in(&apart, 4);
-    for (int k = 0; k < 3 && cuts; ++k) {
-        volume->crop[k] = draw_below(&apart, volume->size[k] / 3 + 1);
-        volume->crop[3 + k] = volume->size[k] - draw_below(&apart, volume->size[k] / 3 + 1);
-    }
-    if (one_in(&apart, 8)) volume->border = 1 + draw_below(&apart, 4);
-}
-
 static inline void add_volume(random_scene *x, int kind, int shape, int source, int placement, double voxels,
                               const double middle[3]) {
     const int n = x->s.scene.volume_count++;
     place_volume(x, placement, voxels, middle, &x->s.volume[n]);
     fill_volume(x, n, shape, source, middle);
     draw_looks(x, n, kind);
-    draw_crop(x, n);
 }
 
 static inline void add_volumes(random_scene *x) {

@@ -25,7 +25,7 @@ static void fill_cloud(void) {
         const int x = i % SIDE, y = i / SIDE % SIDE, z = i / SIDE / SIDE;
         /* colors whose channels have bricks of their own */
         for (int c = 0; c < 3; ++c) {
-            all.albedo[i][c] = (c == 0 && x < 9) || (c == 1 && z > 10)
+            all.albedo[i][c] = (c == 0 && x < 14) || (c == 1 && z > 10)
                                    ? 0
                                    : (float)(0.5 + 0.45 * sin(0.5 * x + 0.7 * y * c + 0.3 * z + c));
             all.emission[i][c] = (float)(check_next(&random) * (y < 4 ? 3 - c : 0));
@@ -388,6 +388,13 @@ static void test_particles(void) {
                "a fifth more than without albedos");
     s.view.scattering = SPS_SCATTERING_MULTIPLE;
     check_paths(context, &s, "albedo of each particle", 8, 0.03);
+    for (int n = 0; n < 2; ++n) { /* cells are made anew for other colors */
+        sps_context *fresh = sps_create(NULL, NULL);
+        for (int i = 0; i < BALLS && n; ++i) balls[i].albedo[i % 3] *= 0.5f;
+        if (!CHECK(fresh) || !check_render(context, &s, rgba) || !check_render(fresh, &s, exact)) return;
+        CHECK(check_same(&s, rgba, exact));
+        sps_destroy(fresh);
+    }
     balls[7].albedo[1] = 1.5f;
     check_fails(context, &s, rgba, SPS_ERROR_DATA, "particle[7].albedo is 1.5; red, green and blue must be 0..1");
 }
@@ -453,11 +460,23 @@ static void test_errors(void) {
         volume->user = &wrong;
         check_fails(context, &s, rgba, rows[i].result, rows[i].words);
         s.scene.replace_invalid = 1;
-        if (wrong.result == 0) check_render(context, &s, rgba);
+        sps_stats_report stats;
+        if (wrong.result == 0 && check_render(context, &s, rgba)) {
+            sps_get_stats(context, &stats);
+            CHECK(stats.values_replaced == 1);
+        }
         s.scene.replace_invalid = 0;
     }
     volume->transfer = &transfer;
     check_fails(context, &s, rgba, SPS_ERROR_ARGUMENT, "appearance_fn");
+    volume->appearance_fn = NULL, volume->classify_voxels = 1; /* no bounds are known, whatever the colors */
+    static float bounds[2][3 * PIXELS];
+    sps_reference_settings settings;
+    sps_image image;
+    memset(&settings, 0, sizeof settings), memset(&image, 0, sizeof image);
+    image.rgba = rgba, settings.lower = bounds[0], settings.upper = bounds[1];
+    CHECK(sps_reference(context, &s.scene, &s.view, &settings, &image) == SPS_ERROR_UNSUPPORTED);
+    volume->classify_voxels = 0;
     volume->transfer = NULL, volume->appearance_fn = NULL, volume->classify_voxels = 1;
     check_fails(context, &s, rgba, SPS_ERROR_ARGUMENT, "classify_voxels");
 }

@@ -3912,23 +3912,23 @@ typedef struct spsi_lattice {
 
 /* The quantity that a medium stores. Colored volumes are several media, in this order, over equal lattices. */
 typedef enum spsi_part {
-    SPSI_PART_VALUES, /* values, or classified voxels' extinction */
-    SPSI_PART_RED,    /* these times albedo; green and blue follow */
+    SPSI_PART_VALUES,                      /* values, or classified voxels' extinction */
+    SPSI_PART_RED,                         /* these times albedo; green and blue follow */
     SPSI_PART_GLOW_RED = SPSI_PART_RED + 3 /* emission per voxel; green and blue follow */
 } spsi_part;
 
 typedef struct spsi_medium {
-    sps_volume given;      /* concurrent is also set for an sps_grid */
+    sps_volume given;                /* concurrent is also set for an sps_grid */
     int index;
     int part;                        /* spsi_part, or green or blue */
     int follows;                     /* albedo: number of media since the values; else 0 */
     int again;                       /* 1: not the volume's first medium; voxels are read again */
     const spsi_material *classifier; /* classifies voxels; NULL: none */
     float unit;                      /* largest classified extinction */
-    int low[3], high[3];   /* voxels to read */
+    int low[3], high[3];             /* voxels to read */
     spsi_lattice *lattice;
-    int channel;           /* eye-sheet channel, also material index */
-    int light_channel;     /* channel in light sheets; 0: unclassified */
+    int channel;                     /* eye-sheet channel, also material index */
+    int light_channel;               /* channel in light sheets; 0: unclassified */
 } spsi_medium;
 
 /* A particle without its albedo, which few sets have. */

@@ -265,6 +265,44 @@ static void test_reference(void) {
     sps_destroy(context);
 }
 
+/* Paths in eight glowing pieces are those in the whole, within four standard errors of the picture's mean: what is
+   drawn from voxels beyond a piece's faces does not shine. Gas, and classified. */
+static void test_paths(void) {
+    static const sps_transfer_point points[] = {{0.6f, {0.9f, 0.5f, 0.2f}, 0, {0, 0, 0}},
+                                                {1.7f, {0.9f, 0.5f, 0.2f}, 3, {2, 1, 0.3f}}};
+    static const sps_transfer glows = {points, 2, NULL, NULL, 0};
+    static float rgba[4 * SIDE * SIDE], error[3 * SIDE * SIDE];
+    sps_context *context = check_context(NULL);
+    for (int kind = 1; kind < 3; ++kind) {
+        double mean[2] = {0, 0}, variance = 0;
+        for (int n = 0; n < 2; ++n) {
+            sps_reference_settings settings;
+            check_scene s;
+            source unused;
+            start(&s, &unused, 0);
+            set_pieces(&s, n ? 8 : 1, kind, 9, &turned);
+            for (int i = 0; i < s.scene.volume_count && kind == 2; ++i) list[i].transfer = &glows;
+            memset(&settings, 0, sizeof settings);
+            settings.step = 0.5, settings.samples = check_memory_only() ? 2 : 64, settings.error = error;
+            sps_image image;
+            memset(&image, 0, sizeof image);
+            image.rgba = rgba;
+            CHECK(sps_reference(context, &s.scene, &s.view, &settings, &image) == SPS_OK);
+            for (int i = 0; i < SIDE * SIDE; ++i)
+                for (int c = 0; c < 3; ++c) {
+                    mean[n] += (double)rgba[4 * i + c] / (3 * SIDE * SIDE);
+                    variance += pow((double)error[3 * i + c] / (3 * SIDE * SIDE), 2);
+                }
+        }
+        /* a pixel's channels share their paths: at most sqrt(3) times the error of independent ones */
+        const double most = 4 * sqrt(3 * variance);
+        if (!CHECK(fabs(mean[1] - mean[0]) < most && (check_memory_only() || most < 0.05 * mean[0])))
+            printf("    kind %d: %g, %g, error %g\n", kind, mean[0], mean[1], most);
+        if (getenv("CHECK_FIGURES")) printf("    kind %d: %g, %g, error %g\n", kind, mean[0], mean[1], most);
+    }
+    sps_destroy(context);
+}
+
 /* Splatted gas keeps its mass: kernels' fractions inside add up to the box, within their polynomial's 2e-4 and the 0.12
    % (rms) by which cut kernels ripple, mostly averaged out. So do cells and sheets of CONVOLUTION; a white furnace
    shows whether cells conserve energy. */
@@ -416,6 +454,7 @@ int main(void) {
     RUN(test_even);
     RUN(test_pieces);
     RUN(test_reference);
+    RUN(test_paths);
     RUN(test_mass);
     RUN(test_maps);
     RUN(test_reading);

@@ -15,7 +15,7 @@ typedef struct ex_exr {
     const float *depth;  /* the same; NULL: no Z */
     int width, height;   /* pixels of the whole picture */
     int region[4];       /* x, y, width, height of the part that there is; all 0: the whole picture */
-    double screen_width; /* of the whole picture, at distance 1 from the eye; 0: not a perspective, written as 1 */
+    double screen_width; /* the whole picture's, at distance 1 from the eye; 0: not a perspective, written as 1 */
     int is_float;        /* 1: RGBA are floats; 0: halves */
     int zip;             /* 1: ZIP; 0: no compression */
 } ex_exr;

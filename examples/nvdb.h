@@ -33,19 +33,6 @@ static const char *const ex_nvdb_types[] = {
 static const char *const ex_nvdb_classes[] = {"unknown",    "level set", "fog volume", "staggered", "point index",
                                               "point data", "topology",  "voxels",     "index",     "tensor"};
 
-/* A grid of a file. */
-typedef struct ex_nvdb_entry {
-    char name[EX_SPARSE_NAME_MAX];
-    uint64_t at, packed, size; /* where it is in the file, its bytes there and when unpacked */
-    uint32_t type;
-    int codec;
-} ex_nvdb_entry;
-
-typedef struct ex_nvdb_entries {
-    ex_nvdb_entry *list;
-    size_t count, capacity;
-} ex_nvdb_entries;
-
 static inline int ex_nvdb_is_read(uint32_t type) {
     return type == EX_NVDB_FLOAT || type == EX_NVDB_HALF || (type >= EX_NVDB_FP4 && type <= EX_NVDB_FPN);
 }
@@ -257,22 +244,23 @@ static inline int ex_nvdb_check_version(const ex_cursor *c, uint32_t version) {
                    major, minor);
 }
 
-static inline int ex_nvdb_add(ex_cursor *c, ex_nvdb_entries *entries, const ex_nvdb_entry *e) {
+static inline int ex_nvdb_add(ex_cursor *c, ex_sparse_entries *entries, ex_sparse_entry *e, uint32_t type) {
     if (entries->count == EX_NVDB_GRIDS_MAX) return ex_cursor_fail(c, "more than 4096 grids are not supported");
-    entries->list = (ex_nvdb_entry *)ex_grow(entries->list, entries->count, &entries->capacity, sizeof *entries->list);
-    entries->list[entries->count++] = *e;
+    snprintf(e->type, sizeof e->type, "%s", ex_nvdb_type_name(type));
+    e->kind = (int)type, e->is_read = ex_nvdb_is_read(type), e->plain = strlen(e->name);
+    ex_sparse_add(entries, e);
     return 0;
 }
 
 /* Reads the entry of one grid of a segment. */
-static inline int ex_nvdb_entry_read(ex_cursor *c, ex_nvdb_entry *e) {
+static inline int ex_nvdb_entry_read(ex_cursor *c, ex_sparse_entry *e, uint32_t *type) {
     unsigned char meta[EX_NVDB_META];
     char why[64];
     memset(e, 0, sizeof *e);
     c->what = "the entry of a grid";
     if (ex_cursor_bytes(c, meta, sizeof meta)) return 1;
     const uint32_t length = ex_get_u32(meta + 136);
-    e->size = ex_get_u64(meta), e->packed = ex_get_u64(meta + 8), e->type = ex_get_u32(meta + 32);
+    e->size = ex_get_u64(meta), e->packed = ex_get_u64(meta + 8), *type = ex_get_u32(meta + 32);
     snprintf(why, sizeof why, "a name of %u bytes: at most %d are supported", length, EX_SPARSE_NAME_MAX);
     if (length == 0 || length > EX_SPARSE_NAME_MAX) return ex_cursor_fail(c, why);
     if (ex_cursor_bytes(c, e->name, length)) return 1;
@@ -280,7 +268,7 @@ static inline int ex_nvdb_entry_read(ex_cursor *c, ex_nvdb_entry *e) {
 }
 
 /* A segment: a header, an entry for each grid, the grids. */
-static inline int ex_nvdb_segment(ex_cursor *c, ex_nvdb_entries *entries) {
+static inline int ex_nvdb_segment(ex_cursor *c, ex_sparse_entries *entries) {
     static const char *const codecs[] = {"none", "zip", "Blosc"};
     unsigned char head[16];
     const size_t first = entries->count;
@@ -293,14 +281,15 @@ static inline int ex_nvdb_segment(ex_cursor *c, ex_nvdb_entries *entries) {
     if (codec >= sizeof codecs / sizeof *codecs)
         return ex_fail(c->error, "%s: codec %u is not supported: only none, zip and Blosc are", c->grid->path, codec);
     for (unsigned i = 0; i < count; ++i) {
-        ex_nvdb_entry e;
-        if (ex_nvdb_entry_read(c, &e)) return 1;
+        ex_sparse_entry e;
+        uint32_t type;
+        if (ex_nvdb_entry_read(c, &e, &type)) return 1;
         e.codec = (int)codec;
-        if (ex_nvdb_add(c, entries, &e)) return 1;
+        if (ex_nvdb_add(c, entries, &e, type)) return 1;
     }
     c->what = "the grids";
     for (size_t i = first; i < entries->count; ++i) {
-        entries->list[i].at = c->at;
+        entries->list[i].start = c->at;
         if (codec == EX_NVDB_PLAIN && entries->list[i].packed != entries->list[i].size)
             return ex_cursor_fail(c, "two sizes of a grid that is not packed differ");
         if (ex_cursor_skip(c, entries->list[i].packed)) return 1;
@@ -309,25 +298,25 @@ static inline int ex_nvdb_segment(ex_cursor *c, ex_nvdb_entries *entries) {
 }
 
 /* A bare grid: its own header comes first. */
-static inline int ex_nvdb_bare(ex_cursor *c, ex_nvdb_entries *entries) {
+static inline int ex_nvdb_bare(ex_cursor *c, ex_sparse_entries *entries) {
     unsigned char head[EX_NVDB_HEADER];
     const uint64_t at = c->at;
-    ex_nvdb_entry e = {"", at, 0, 0, 0, EX_NVDB_PLAIN};
+    ex_sparse_entry e;
+    memset(&e, 0, sizeof e);
     c->what = "the header of a grid";
     if (ex_cursor_bytes(c, head, sizeof head)) return 1;
     if (memcmp(head, "NanoVDB0", 8) != 0 && memcmp(head, "NanoVDB1", 8) != 0)
         return ex_cursor_fail(c, "it does not start with NanoVDB0 or NanoVDB1");
     if (ex_nvdb_check_version(c, ex_get_u32(head + 16))) return 1;
-    e.size = e.packed = ex_get_u64(head + 32);
-    e.type = ex_get_u32(head + 636);
+    e.start = at, e.size = e.packed = ex_get_u64(head + 32), e.codec = EX_NVDB_PLAIN;
     memcpy(e.name, head + 40, sizeof e.name - 1);
     c->at = at;
     if (e.size < sizeof head) return ex_cursor_fail(c, "the grid is shorter than that");
-    return ex_cursor_skip(c, e.size) || ex_nvdb_add(c, entries, &e);
+    return ex_cursor_skip(c, e.size) || ex_nvdb_add(c, entries, &e, ex_get_u32(head + 636));
 }
 
 /* Reads the entries of all grids, which the caller frees. Only a bare grid has a version at byte 16. */
-static inline int ex_nvdb_entries_read(ex_cursor *c, ex_nvdb_entries *entries) {
+static inline int ex_nvdb_index(ex_cursor *c, ex_sparse_entries *entries) {
     unsigned char start[20];
     c->what = "the header";
     if (ex_cursor_bytes(c, start, sizeof start)) return 1;
@@ -343,11 +332,11 @@ static inline int ex_nvdb_entries_read(ex_cursor *c, ex_nvdb_entries *entries) {
 }
 
 /* Unpacks a whole grid into memory. Blosc's buffers follow each other, each after its size. */
-static inline int ex_nvdb_unpack(ex_cursor *c, ex_sparse *grid, const ex_nvdb_entry *e) {
+static inline int ex_nvdb_unpack(ex_cursor *c, ex_sparse *grid, const ex_sparse_entry *e) {
     unsigned char *packed = NULL, *plain = NULL;
-    uint64_t done = 0, end = e->at + e->packed, size = 0;
+    uint64_t done = 0, end = e->start + e->packed, size = 0;
     int failed = 0;
-    c->at = e->at, c->what = "a packed grid";
+    c->at = e->start, c->what = "a packed grid";
     if (ex_sparse_count(grid, e->size, c->error) || ex_sparse_count(grid, e->packed, c->error)) return 1;
     if (e->size / 1100 > e->packed) return ex_cursor_fail(c, "it is too short for what its entry says");
     plain = (unsigned char *)ex_allocate((size_t)e->size, 1);
@@ -372,81 +361,13 @@ static inline int ex_nvdb_unpack(ex_cursor *c, ex_sparse *grid, const ex_nvdb_en
     return 0;
 }
 
-static inline void ex_nvdb_use(ex_sparse *grid, const ex_nvdb_entry *e) {
-    snprintf(grid->name, sizeof grid->name, "%s", e->name);
-    snprintf(grid->type, sizeof grid->type, "%s", ex_nvdb_type_name(e->type));
-    grid->kind = (int)e->type;
-    grid->decode = ex_nvdb_decode;
-}
-
-static inline int ex_nvdb_entry_open(ex_cursor *c, ex_sparse *grid, const ex_nvdb_entry *e) {
-    if (e->codec == EX_NVDB_PLAIN) return ex_nvdb_grid_read(c, grid, e->at, e->size);
+static inline int ex_nvdb_load(ex_cursor *c, ex_sparse *grid, const ex_sparse_entries *entries,
+                               const ex_sparse_entry *e) {
+    (void)entries;
+    if (e->codec == EX_NVDB_PLAIN) return ex_nvdb_grid_read(c, grid, e->start, e->size);
     return ex_nvdb_unpack(c, grid, e) || ex_nvdb_grid_read(c, grid, 0, e->size);
 }
 
-/* Chooses a grid: by name, or `density`, or the first that can be read. NULL: there is none. */
-static inline const ex_nvdb_entry *ex_nvdb_choose(const ex_nvdb_entries *entries, const char *path, const char *name,
-                                                  ex_error *error) {
-    const ex_nvdb_entry *chosen = NULL;
-    for (size_t i = entries->count; i-- > 0;) {
-        const ex_nvdb_entry *e = &entries->list[i];
-        const int is_wanted = strcmp(e->name, name ? name : "density") == 0;
-        if (name ? is_wanted : ex_nvdb_is_read(e->type) && (is_wanted || !chosen || strcmp(chosen->name, "density")))
-            chosen = e;
-    }
-    if (chosen && ex_nvdb_is_read(chosen->type)) return chosen;
-    if (!chosen && name)
-        ex_fail(error, "%s: no grid %s: --list-grids lists what there is", path, ex_quoted(name).text);
-    else
-        ex_fail(error, "%s: grid %s is of %s, which is not supported: only float grids are", path,
-                ex_quoted(chosen ? chosen->name : entries->list[0].name).text,
-                ex_nvdb_type_name(chosen ? chosen->type : entries->list[0].type));
-    return NULL;
-}
-
-/* Opens a grid; `name` NULL: see ex_nvdb_choose. The caller frees the grid, also after a failure. */
-static inline int ex_nvdb_open(ex_sparse *grid, const char *path, const char *name, uint64_t max_bytes,
-                               ex_error *error) {
-    unsigned char window[16384];
-    ex_nvdb_entries entries = {NULL, 0, 0};
-    if (ex_sparse_begin(grid, path, max_bytes, error)) return 1;
-    ex_cursor c = {grid, 0, 0, 0, sizeof window, window, "", error};
-    int failed = ex_nvdb_entries_read(&c, &entries);
-    const ex_nvdb_entry *e = failed ? NULL : ex_nvdb_choose(&entries, path, name, error);
-    if (e) ex_nvdb_use(grid, e), failed = ex_nvdb_entry_open(&c, grid, e);
-    free(entries.list);
-    return failed || !e;
-}
-
-/* Calls `tell` for each grid of a file. The voxels and the box of those that cannot be read stay unknown, with the
-   reason. */
-static inline int ex_nvdb_list(const char *path, uint64_t max_bytes,
-                               void (*tell)(void *user, const ex_sparse *grid, const char *reason), void *user,
-                               ex_error *error) {
-    unsigned char window[16384];
-    ex_nvdb_entries entries = {NULL, 0, 0};
-    ex_sparse file;
-    int failed = ex_sparse_begin(&file, path, max_bytes, error);
-    ex_cursor start = {&file, 0, 0, 0, sizeof window, window, "", error};
-    failed = failed || ex_nvdb_entries_read(&start, &entries);
-    for (size_t i = 0; i < entries.count && !failed; ++i) {
-        ex_sparse grid;
-        ex_error why = {""};
-        ex_cursor c = {&grid, 0, 0, 0, sizeof window, window, "", &why};
-        failed = ex_sparse_begin(&grid, path, max_bytes, error);
-        if (!failed) {
-            ex_nvdb_use(&grid, &entries.list[i]);
-            if (!ex_nvdb_is_read(entries.list[i].type))
-                ex_fail(&why, "not a float grid");
-            else if (ex_nvdb_entry_open(&c, &grid, &entries.list[i]) == 0)
-                why.text[0] = '\0';
-            tell(user, &grid, why.text);
-        }
-        ex_sparse_free(&grid);
-    }
-    free(entries.list);
-    ex_sparse_free(&file);
-    return failed;
-}
+static const ex_sparse_format ex_nvdb = {ex_nvdb_index, ex_nvdb_load, ex_nvdb_decode};
 
 #endif /* EX_NVDB_H */

@@ -17,34 +17,42 @@ static void to_floats(const double *from, float *out) {
     for (int i = 0; i < 3; ++i) out[i] = (float)from[i];
 }
 
-/* Surface shading needs a transfer function. Without one, extinction is proportional to the value, as in a gas. */
-static int make_linear_transfer(volume_arguments *volume, ex_error *error) {
-    float range[2];
+/* The largest value of a volume; 1 if there is none above 0. */
+static int find_highest(volume_arguments *volume, float *highest, ex_error *error) {
+    float range[2] = {0, 0};
     const int zero[3] = {0, 0, 0};
     if (volume->sparse.table) {
         if (ex_sparse_highest(&volume->sparse, &range[1], error)) return 1;
     } else {
         ex_grid_range(&volume->grid, zero, volume->grid.size, range);
     }
+    *highest = range[1] > 0.0f ? range[1] : 1.0f;
+    return 0;
+}
+
+/* Surface shading needs a transfer function. Without one, extinction is proportional to the value, as in a gas. */
+static int make_linear_transfer(volume_arguments *volume, ex_error *error) {
+    float highest;
+    if (find_highest(volume, &highest, error)) return 1;
     volume->points.points = (sps_transfer_point *)ex_allocate(2, sizeof(sps_transfer_point));
     volume->points.point_count = 2;
     sps_transfer_point *points = volume->points.points;
     to_floats(volume->albedo, points[0].albedo);
     to_floats(volume->albedo, points[1].albedo);
-    points[1].value = range[1] > 0.0f ? range[1] : 1.0f;
+    points[1].value = highest;
     points[1].extinction = (float)fmin(volume->extinction * (double)points[1].value, LARGEST);
     return 0;
 }
 
 /* Covers the values in the file, up to four times the temperature that stands for 1. */
-static void make_temperature_transfer(volume_arguments *volume) {
-    float range[2];
-    const int zero[3] = {0, 0, 0};
-    ex_grid_range(&volume->grid, zero, volume->grid.size, range);
-    const double most = range[1] > 0.0f ? fmin((double)range[1], 4) : 1;
+static int make_temperature_transfer(volume_arguments *volume, ex_error *error) {
+    float highest;
+    if (find_highest(volume, &highest, error)) return 1;
     volume->points.points = (sps_transfer_point *)ex_allocate(EX_TEMPERATURE_POINTS, sizeof(sps_transfer_point));
     volume->points.point_count = EX_TEMPERATURE_POINTS;
-    ex_temperature_points(volume->temperature[0], volume->temperature[1], most, volume->points.points);
+    ex_temperature_points(volume->temperature[0], volume->temperature[1], fmin((double)highest, 4),
+                          volume->points.points);
+    return 0;
 }
 
 /* Points that no value can reach are a mistake: they are probably in units of the scanner, for example 0..255. */
@@ -124,7 +132,7 @@ static int load_volume(volume_arguments *from, sps_volume *volume, ex_error *err
     if (from->points.point_count > 0) {
         if (check_transfer(from, error)) return 1;
     } else if (has(from->given, "--temperature")) {
-        make_temperature_transfer(from);
+        if (make_temperature_transfer(from, error)) return 1;
     } else if (from->shading) {
         if (make_linear_transfer(from, error)) return 1;
     } else {
@@ -611,7 +619,7 @@ static void free_arguments(arguments *all) {
     free(all->lights);
 }
 
-/* A line about one grid. Voxels and box are those that are active. */
+/* Prints a line about one grid: its active voxels, and the box around them. */
 static void print_grid(void *user, const ex_sparse *grid, const char *reason) {
     (void)user;
     printf("%s: %s, ", ex_quoted(grid->name).text, ex_quoted(grid->type).text);
@@ -629,12 +637,10 @@ static int list_grids(const arguments *all, ex_error *error) {
     if (all->volume_count == 0) return ex_fail(error, "--list-grids: there is no --volume that it could be about");
     for (int i = 0; i < all->volume_count; ++i) {
         const char *path = all->volumes[i].file;
-        const int kind = sparse_kind(path);
-        if (!kind) return ex_fail(error, "--list-grids: %s is not an OpenVDB or NanoVDB file", path);
+        const ex_sparse_format *format = sparse_format(path);
+        if (!format) return ex_fail(error, "--list-grids: %s is not an OpenVDB or NanoVDB file", path);
         if (all->volume_count > 1) printf("%s\n", path);
-        if (kind == 'v' ? ex_vdb_list(path, (uint64_t)all->max_bytes, print_grid, NULL, error)
-                        : ex_nvdb_list(path, (uint64_t)all->max_bytes, print_grid, NULL, error))
-            return 1;
+        if (ex_sparse_list(format, path, (uint64_t)all->max_bytes, print_grid, NULL, error)) return 1;
     }
     return 0;
 }

@@ -14,8 +14,8 @@
 #include "volume_file.h"
 
 /* The library accepts no more; and conversions to float stay finite. */
-#define LARGEST   1e18 /* extinctions and colors */
-#define FARTHEST  EX_COORDINATE_MAX
+#define LARGEST  1e18 /* extinctions and colors */
+#define FARTHEST EX_COORDINATE_MAX
 
 /* ============================================================================================== arguments */
 
@@ -42,8 +42,8 @@ typedef struct volume_arguments {
     char space[64];       /* what the header says its coordinates are: ex_volume_file.space */
     sps_placement placement;
     ex_grid grid;
-    ex_color_grid albedos, emissions; /* of each voxel, if there are files of them */
-    ex_sparse sparse; /* instead of the grid, where the file is .vdb or .nvdb: its size is then not 0 */
+    ex_color_grid albedos, emissions; /* empty without such files */
+    ex_sparse sparse;                 /* instead of the grid, where the file is .vdb or .nvdb: its size is then not 0 */
     ex_transfer points;
     sps_transfer transfer;
 } volume_arguments;
@@ -725,8 +725,9 @@ static int check_appearance(const volume_arguments *volume, ex_error *error) {
 
 /* A volume of temperatures does nothing but glow. */
 static int check_temperature(const volume_arguments *volume, ex_error *error) {
-    static const char *const others[] = {"--transfer",    "--transfer-point", "--extinction",    "--albedo", "--emission",
-                                         "--gas-ambient", "--albedo-volume",  "--emission-volume", "--phase"};
+    static const char *const others[] = {"--transfer",      "--transfer-point",  "--extinction",
+                                         "--albedo",        "--emission",        "--gas-ambient",
+                                         "--albedo-volume", "--emission-volume", "--phase"};
     if (!has(volume->given, "--temperature")) return 0;
     for (size_t i = 0; i < sizeof others / sizeof *others; ++i)
         if (has(volume->given, others[i]))
@@ -740,15 +741,15 @@ static int check_temperature(const volume_arguments *volume, ex_error *error) {
     return 0;
 }
 
-/* OpenVDB and NanoVDB files are known by their first bytes: v, n, or 0 for any other file. */
-static int sparse_kind(const char *path) {
+/* OpenVDB and NanoVDB files are known by their first bytes. NULL: any other file. */
+static const ex_sparse_format *sparse_format(const char *path) {
     char start[8] = "";
     FILE *file = fopen(path, "rb");
-    if (!file) return 0;
+    if (!file) return NULL;
     const size_t got = fread(start, 1, sizeof start, file);
     fclose(file);
-    if (got == sizeof start && memcmp(start, " BDV\0\0\0\0", 8) == 0) return 'v';
-    return got == sizeof start && memcmp(start, "NanoVDB", 7) == 0 ? 'n' : 0;
+    if (got == sizeof start && memcmp(start, " BDV\0\0\0\0", 8) == 0) return &ex_vdb;
+    return got == sizeof start && memcmp(start, "NanoVDB", 7) == 0 ? &ex_nvdb : NULL;
 }
 
 static int ends_with(const char *text, const char *ending) {
@@ -757,17 +758,17 @@ static int ends_with(const char *text, const char *ending) {
 }
 
 /* Options for such files say nothing about others; nor can options replace what such a file says itself. */
-static int check_sparse(const volume_arguments *volume, int kind, ex_error *error) {
+static int check_sparse(const volume_arguments *volume, int is_sparse, ex_error *error) {
     static const char *const own[] = {"--grid", "--fog"}, *const others[] = {"--size", "--type"};
     for (int i = 0; i < 2; ++i) {
-        if (!kind && has(volume->given, own[i]))
+        if (!is_sparse && has(volume->given, own[i]))
             return ex_fail(error, "%s says nothing about %s, which is not an OpenVDB or NanoVDB file", own[i],
                            volume->file);
-        if (kind && has(volume->given, others[i]))
+        if (is_sparse && has(volume->given, others[i]))
             return ex_fail(error, "%s says nothing about %s: an OpenVDB or NanoVDB file has its own", others[i],
                            volume->file);
     }
-    if (!kind && ends_with(volume->file, "vdb") && !has(volume->given, "--size"))
+    if (!is_sparse && ends_with(volume->file, "vdb") && !has(volume->given, "--size"))
         return ex_fail(error, "%s: not an OpenVDB or NanoVDB file: it starts with neither ' BDV' nor NanoVDB",
                        volume->file);
     if (has(volume->given, "--fog") && has(volume->given, "--range"))
@@ -776,14 +777,12 @@ static int check_sparse(const volume_arguments *volume, int kind, ex_error *erro
 }
 
 /* Opens a grid of an OpenVDB or a NanoVDB file. Its leaves are read when the library asks for them. */
-static int open_sparse(volume_arguments *volume, int kind, ex_error *error) {
+static int open_sparse(volume_arguments *volume, const ex_sparse_format *format, ex_error *error) {
     static const int none[3] = {0, 0, 0};
     const uint64_t max_bytes = (uint64_t)volume->voxels.max_bytes;
     ex_sparse *grid = &volume->sparse;
     if (ex_voxel_file_raw(&volume->voxels, volume->file, none, EX_F32, error)) return 1;
-    if (kind == 'v' ? ex_vdb_open(grid, volume->file, volume->grid_name, max_bytes, error)
-                    : ex_nvdb_open(grid, volume->file, volume->grid_name, max_bytes, error))
-        return 1;
+    if (ex_sparse_open(format, grid, volume->file, volume->grid_name, max_bytes, error)) return 1;
     if (ex_sparse_check(grid, volume->fog, error)) return 1;
     ex_sparse_scale(grid, volume->range, volume->fog);
     memcpy(volume->voxels.size, grid->size, sizeof grid->size);
@@ -803,12 +802,13 @@ static void place_by_box(volume_arguments *volume) {
 
 /* Finds out where the voxels are and what they mean, from the file's header, if it has one, and from options. */
 static int find_voxels(volume_arguments *volume, ex_error *error) {
-    const int kind = sparse_kind(volume->file), has_header = ex_volume_format_of(volume->file) != NULL;
+    const ex_sparse_format *format = sparse_format(volume->file);
+    const int has_header = ex_volume_format_of(volume->file) != NULL;
     ex_volume_file file;
     ex_voxel_file *voxels = &file.voxels;
-    if (check_sparse(volume, kind, error)) return 1;
-    if (kind) {
-        if (open_sparse(volume, kind, error)) return 1;
+    if (check_sparse(volume, format != NULL, error)) return 1;
+    if (format) {
+        if (open_sparse(volume, format, error)) return 1;
         if (has(volume->given, "--box")) place_by_box(volume);
         return 0;
     }

@@ -532,4 +532,102 @@ static inline float ex_get_f16(const unsigned char *from) {
     return value;
 }
 
+/* ---------------------------------------------------------------------------------------------- files of grids */
+
+/* What a file says about a grid before its data. */
+typedef struct ex_sparse_entry {
+    char name[EX_SPARSE_NAME_MAX], type[EX_SPARSE_NAME_MAX];
+    size_t plain;                    /* characters of the name without the number of a second grid of this name */
+    int kind, is_read;               /* how numbers are stored; 1: this type of grid is supported */
+    uint64_t start;                  /* byte at which the grid begins */
+    char parent[EX_SPARSE_NAME_MAX]; /* .vdb: it is an instance of that grid */
+    uint64_t blocks, end;            /* .vdb: bytes at which its leaves and the next entry begin */
+    uint64_t packed, size;           /* .nvdb: its bytes in the file, and when unpacked */
+    int codec;                       /* .nvdb */
+} ex_sparse_entry;
+
+typedef struct ex_sparse_entries {
+    ex_sparse_entry *list;
+    size_t count, capacity;
+} ex_sparse_entries;
+
+/* A file format. index_fn reads the entries of all grids, load_fn one grid. */
+typedef struct ex_sparse_format {
+    int (*index_fn)(ex_cursor *c, ex_sparse_entries *entries);
+    int (*load_fn)(ex_cursor *c, ex_sparse *grid, const ex_sparse_entries *entries, const ex_sparse_entry *e);
+    int (*decode_fn)(const ex_sparse *grid, uint64_t at, float out[EX_LEAF_VOXELS], ex_error *error);
+} ex_sparse_format;
+
+static inline void ex_sparse_add(ex_sparse_entries *entries, const ex_sparse_entry *e) {
+    entries->list =
+        (ex_sparse_entry *)ex_grow(entries->list, entries->count, &entries->capacity, sizeof *entries->list);
+    entries->list[entries->count++] = *e;
+}
+
+static inline int ex_sparse_is_named(const ex_sparse_entry *e, const char *name) {
+    return strcmp(e->name, name) == 0 || (strlen(name) == e->plain && strncmp(e->name, name, e->plain) == 0);
+}
+
+static inline int ex_sparse_load(const ex_sparse_format *format, ex_cursor *c, ex_sparse *grid,
+                                 const ex_sparse_entries *entries, const ex_sparse_entry *e) {
+    snprintf(grid->name, sizeof grid->name, "%s", e->name);
+    snprintf(grid->type, sizeof grid->type, "%.*s", (int)sizeof grid->type - 1, e->type);
+    grid->kind = e->kind;
+    grid->decode = format->decode_fn;
+    if (!e->is_read)
+        return ex_fail(c->error, "%s: grid %s is of %s, which is not supported: only float grids are", grid->path,
+                       ex_quoted(e->name).text, ex_quoted(e->type).text);
+    return format->load_fn(c, grid, entries, e);
+}
+
+/* Opens a grid by its name; name NULL: `density`, or else the first that can be read. The caller frees the grid, also
+   after a failure. */
+static inline int ex_sparse_open(const ex_sparse_format *format, ex_sparse *grid, const char *path, const char *name,
+                                 uint64_t max_bytes, ex_error *error) {
+    unsigned char window[16384];
+    ex_sparse_entries entries = {NULL, 0, 0};
+    const ex_sparse_entry *chosen = NULL;
+    if (ex_sparse_begin(grid, path, max_bytes, error)) return 1;
+    ex_cursor c = {grid, 0, 0, 0, sizeof window, window, "", error};
+    int failed = format->index_fn(&c, &entries);
+    for (size_t i = failed ? 0 : entries.count; i-- > 0;) {
+        const ex_sparse_entry *e = &entries.list[i];
+        const int is_wanted = ex_sparse_is_named(e, name ? name : "density");
+        const int is_better = is_wanted || !chosen || !ex_sparse_is_named(chosen, "density");
+        if (name ? is_wanted : e->is_read && is_better) chosen = e;
+    }
+    if (!failed && !chosen && name)
+        failed = ex_fail(error, "%s: no grid %s: --list-grids lists what there is", path, ex_quoted(name).text);
+    if (!failed) failed = ex_sparse_load(format, &c, grid, &entries, chosen ? chosen : entries.list);
+    free(entries.list);
+    return failed;
+}
+
+/* Calls `tell` for each grid of a file. If a grid cannot be read, `reason` says why, and its voxels and box are
+   unknown. */
+static inline int ex_sparse_list(const ex_sparse_format *format, const char *path, uint64_t max_bytes,
+                                 void (*tell)(void *user, const ex_sparse *grid, const char *reason), void *user,
+                                 ex_error *error) {
+    unsigned char window[16384];
+    ex_sparse_entries entries = {NULL, 0, 0};
+    ex_sparse file;
+    int failed = ex_sparse_begin(&file, path, max_bytes, error);
+    ex_cursor start = {&file, 0, 0, 0, sizeof window, window, "", error};
+    failed = failed || format->index_fn(&start, &entries);
+    for (size_t i = 0; i < entries.count && !failed; ++i) {
+        ex_sparse grid;
+        ex_error why = {""};
+        ex_cursor c = {&grid, 0, 0, 0, sizeof window, window, "", &why};
+        failed = ex_sparse_begin(&grid, path, max_bytes, error);
+        if (!failed) {
+            if (!ex_sparse_load(format, &c, &grid, &entries, &entries.list[i])) why.text[0] = '\0';
+            tell(user, &grid, entries.list[i].is_read ? why.text : "not a float grid");
+        }
+        ex_sparse_free(&grid);
+    }
+    free(entries.list);
+    ex_sparse_free(&file);
+    return failed;
+}
+
 #endif /* EX_SPARSE_GRID_H */

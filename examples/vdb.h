@@ -24,18 +24,6 @@ enum {
     EX_VDB_ALL_VALUES = 6 /* all values follow */
 };
 
-/* What a file says of a grid before its data. */
-typedef struct ex_vdb_entry {
-    char name[EX_SPARSE_NAME_MAX], type[EX_SPARSE_NAME_MAX], parent[EX_SPARSE_NAME_MAX];
-    size_t plain;                /* characters of the name without the number of a second grid of this name */
-    uint64_t start, blocks, end; /* bytes: of its header, its leaves, the next entry */
-} ex_vdb_entry;
-
-typedef struct ex_vdb_entries {
-    ex_vdb_entry *list;
-    size_t count;
-} ex_vdb_entries;
-
 /* -------------------------------------------------------------------------------------------- values of a node */
 
 /* Room for unpacking a node, and what its values' header says. */
@@ -184,16 +172,19 @@ static inline size_t ex_vdb_show_suffix(char name[EX_SPARSE_NAME_MAX]) {
     return (size_t)(mark - name);
 }
 
-static inline int ex_vdb_is_named(const ex_vdb_entry *e, const char *name) {
-    return strcmp(e->name, name) == 0 || (strlen(name) == e->plain && strncmp(e->name, name, e->plain) == 0);
+/* Bits of a number of a grid of this type; 0 if the type is not supported. */
+static inline int ex_vdb_bits(const char *type) {
+    return strcmp(type, "Tree_float_5_4_3") == 0 ? 32 : strcmp(type, "Tree_float_5_4_3_HalfFloat") == 0 ? 16 : 0;
 }
 
-static inline int ex_vdb_entry_read(ex_cursor *c, ex_vdb_entry *e) {
+static inline int ex_vdb_entry_read(ex_cursor *c, ex_sparse_entry *e) {
+    memset(e, 0, sizeof *e);
     c->what = "the entry of a grid";
     if (ex_vdb_text(c, e->name, sizeof e->name) || ex_vdb_text(c, e->type, sizeof e->type) ||
         ex_vdb_text(c, e->parent, sizeof e->parent) || ex_cursor_u64(c, &e->start) || ex_cursor_u64(c, &e->blocks) ||
         ex_cursor_u64(c, &e->end))
         return 1;
+    e->kind = ex_vdb_bits(e->type), e->is_read = e->kind > 0;
     e->plain = ex_vdb_show_suffix(e->name);
     ex_vdb_show_suffix(e->parent);
     const int rises = c->at <= e->start && e->start <= e->end &&
@@ -207,7 +198,7 @@ static inline int ex_vdb_entry_read(ex_cursor *c, ex_vdb_entry *e) {
 }
 
 /* Reads the start of the file, and the entries of all grids, which the caller frees. */
-static inline int ex_vdb_entries_read(ex_cursor *c, ex_vdb_entries *entries) {
+static inline int ex_vdb_index(ex_cursor *c, ex_sparse_entries *entries) {
     unsigned char start[57];
     uint32_t count;
     char why[64];
@@ -230,9 +221,11 @@ static inline int ex_vdb_entries_read(ex_cursor *c, ex_vdb_entries *entries) {
     if (count > ex_cursor_left(c) / 36) return ex_cursor_fail(c, why);
     if (count == 0) return ex_fail(c->error, "%s: no grids", c->grid->path);
     if (count > c->grid->max_bytes / sizeof *entries->list) return ex_cursor_fail(c, "too many (--max-bytes)");
-    entries->list = (ex_vdb_entry *)ex_allocate(count, sizeof *entries->list);
-    for (uint32_t i = 0; i < count; ++i, ++entries->count)
-        if (ex_vdb_entry_read(c, &entries->list[i])) return 1;
+    for (uint32_t i = 0; i < count; ++i) {
+        ex_sparse_entry e;
+        if (ex_vdb_entry_read(c, &e)) return 1;
+        ex_sparse_add(entries, &e);
+    }
     return 0;
 }
 
@@ -275,7 +268,7 @@ static inline int ex_vdb_map(ex_cursor *c, ex_sparse *grid) {
 }
 
 /* Reads what stands before the tree: compression, metadata, map. */
-static inline int ex_vdb_grid_header(ex_cursor *c, ex_sparse *grid, const ex_vdb_entry *e) {
+static inline int ex_vdb_grid_header(ex_cursor *c, ex_sparse *grid, const ex_sparse_entry *e) {
     char why[64];
     c->at = e->start, c->what = "the header of the grid";
     if (ex_cursor_u32(c, &grid->compression)) return 1;
@@ -414,7 +407,7 @@ static inline int ex_vdb_leaves(ex_vdb_tree *tree) {
     return 0;
 }
 
-static inline int ex_vdb_tree_read(ex_vdb_tree *tree, const ex_vdb_entry *e) {
+static inline int ex_vdb_tree_read(ex_vdb_tree *tree, const ex_sparse_entry *e) {
     ex_cursor *c = tree->c;
     uint32_t buffers, tiles, children;
     int32_t at[3] = {0, 0, 0};
@@ -438,8 +431,8 @@ static inline int ex_vdb_tree_read(ex_vdb_tree *tree, const ex_vdb_entry *e) {
 }
 
 /* Reads the header of a grid, and the tree: its own, or that of the grid which it is an instance of. */
-static inline int ex_vdb_grid_read(ex_cursor *c, ex_sparse *grid, const ex_vdb_entries *entries,
-                                   const ex_vdb_entry *e) {
+static inline int ex_vdb_load(ex_cursor *c, ex_sparse *grid, const ex_sparse_entries *entries,
+                              const ex_sparse_entry *e) {
     ex_vdb_tree tree;
     if (ex_vdb_grid_header(c, grid, e)) return 1;
     if (e->parent[0]) {
@@ -458,88 +451,6 @@ static inline int ex_vdb_grid_read(ex_cursor *c, ex_sparse *grid, const ex_vdb_e
     return failed || ex_sparse_finish(grid, c->error);
 }
 
-/* ------------------------------------------------------------------------------------------------ whole files */
-
-static const char *const ex_vdb_types[] = {"Tree_float_5_4_3", "Tree_float_5_4_3_HalfFloat", NULL};
-
-/* Bits of a number of a grid of this type; 0 if the type is not supported. */
-static inline int ex_vdb_bits(const char *type) {
-    return strcmp(type, ex_vdb_types[0]) == 0 ? 32 : strcmp(type, ex_vdb_types[1]) == 0 ? 16 : 0;
-}
-
-/* Chooses a grid: by name, or `density`, or the first that can be read. NULL: there is none. */
-static inline const ex_vdb_entry *ex_vdb_choose(const ex_vdb_entries *entries, const char *path, const char *name,
-                                                ex_error *error) {
-    const ex_vdb_entry *chosen = NULL;
-    for (size_t i = entries->count; i-- > 0;) {
-        const ex_vdb_entry *e = &entries->list[i];
-        const int is_wanted = ex_vdb_is_named(e, name ? name : "density");
-        const int is_better = is_wanted || !chosen || !ex_vdb_is_named(chosen, "density");
-        if (name ? is_wanted : ex_vdb_bits(e->type) > 0 && is_better) chosen = e;
-    }
-    if (!chosen && name) {
-        ex_fail(error, "%s: no grid %s: --list-grids lists what there is", path, ex_quoted(name).text);
-    } else if (!chosen) {
-        ex_fail(error, "%s: no grid of float: the first is %s, a %s", path, ex_quoted(entries->list[0].name).text,
-                ex_quoted(entries->list[0].type).text);
-    } else if (ex_vdb_bits(chosen->type) == 0) {
-        ex_fail(error, "%s: grid %s is a %s, which is not supported: only float grids are", path,
-                ex_quoted(chosen->name).text, ex_quoted(chosen->type).text);
-        chosen = NULL;
-    }
-    return chosen;
-}
-
-static inline void ex_vdb_use(ex_sparse *grid, const ex_vdb_entry *e) {
-    snprintf(grid->name, sizeof grid->name, "%s", e->name);
-    snprintf(grid->type, sizeof grid->type, "%.*s", (int)sizeof grid->type - 1, e->type);
-    grid->kind = ex_vdb_bits(e->type);
-    grid->decode = ex_vdb_decode;
-}
-
-/* Opens a grid; `name` NULL: see ex_vdb_choose. The caller frees the grid, also after a failure. */
-static inline int ex_vdb_open(ex_sparse *grid, const char *path, const char *name, uint64_t max_bytes,
-                              ex_error *error) {
-    unsigned char window[16384];
-    ex_vdb_entries entries = {NULL, 0};
-    if (ex_sparse_begin(grid, path, max_bytes, error)) return 1;
-    ex_cursor c = {grid, 0, 0, 0, sizeof window, window, "", error};
-    int failed = ex_vdb_entries_read(&c, &entries);
-    const ex_vdb_entry *e = failed ? NULL : ex_vdb_choose(&entries, path, name, error);
-    if (e) ex_vdb_use(grid, e), failed = ex_vdb_grid_read(&c, grid, &entries, e);
-    free(entries.list);
-    return failed || !e;
-}
-
-/* Calls `tell` for each grid of a file. The voxels and the box of those that cannot be read stay unknown, with the
-   reason. */
-static inline int ex_vdb_list(const char *path, uint64_t max_bytes,
-                              void (*tell)(void *user, const ex_sparse *grid, const char *reason), void *user,
-                              ex_error *error) {
-    unsigned char window[16384];
-    ex_vdb_entries entries = {NULL, 0};
-    ex_sparse file;
-    int failed = ex_sparse_begin(&file, path, max_bytes, error);
-    ex_cursor start = {&file, 0, 0, 0, sizeof window, window, "", error};
-    failed = failed || ex_vdb_entries_read(&start, &entries);
-    for (size_t i = 0; i < entries.count && !failed; ++i) {
-        ex_sparse grid;
-        ex_error why = {""};
-        ex_cursor c = {&grid, 0, 0, 0, sizeof window, window, "", &why};
-        failed = ex_sparse_begin(&grid, path, max_bytes, error);
-        if (!failed) {
-            ex_vdb_use(&grid, &entries.list[i]);
-            if (grid.kind == 0)
-                ex_fail(&why, "not a float grid");
-            else if (ex_vdb_grid_read(&c, &grid, &entries, &entries.list[i]) == 0)
-                why.text[0] = '\0';
-            tell(user, &grid, why.text);
-        }
-        ex_sparse_free(&grid);
-    }
-    free(entries.list);
-    ex_sparse_free(&file);
-    return failed;
-}
+static const ex_sparse_format ex_vdb = {ex_vdb_index, ex_vdb_load, ex_vdb_decode};
 
 #endif /* EX_VDB_H */

@@ -124,6 +124,17 @@ static inline model plain_model(void) {
     return m;
 }
 
+/* Tiles of every level, active or not, between the same leaves. */
+static inline model tiled_model(void) {
+    model m = plain_model();
+    const tile lower[2] = {{{8, 0, 0}, 1.5f, 1}, {{24, 0, 0}, 2.25f, 0}}, upper = {{128, -128, 256}, 3.5f, 1};
+    const tile roots[2] = {{{-8192, 0, 0}, 0.25f, 0}, {{4096, 0, -4096}, 4.5f, 1}};
+    memcpy(m.tiles[0], lower, sizeof lower), m.tile_counts[0] = 2;
+    m.tiles[1][0] = upper, m.tile_counts[1] = 1;
+    memcpy(m.tiles[2], roots, sizeof roots), m.tile_counts[2] = 2;
+    return m;
+}
+
 /* -------------------------------------------------------------------------------------------------------- comparing */
 
 /* The box of active voxels within a cube around 0. */

@@ -139,7 +139,7 @@ static void test_mixture(void) {
         if (!check_render(context, &s, rgba)) return;
         const double error = error_of(rgba, exact, PIXELS);
         if (figures()) printf("mixture %d: %g\n", n, error);
-        /* of volumes in a small picture, each chooses its own level */
+        /* in a small picture, each volume chooses its own level */
         const int leveled = n / 3 % 2 == 1 && s.view.filling != SPS_FILLING_SPLAT;
         CHECK_CASE("Volumes", "colors per voxel against a volume of each", "mixture; relative", error,
                    leveled || (cells && peaked) ? 0.02

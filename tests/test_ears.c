@@ -126,7 +126,7 @@ static outline made_spiral(int sides) {
         for (int a = 0; a < 2; ++a) path[i + 1][a] = path[i][a] + ways[i % 4][a] * 2 * (i / 2 + 1);
     for (int k = 0; k < 2 * sides + 2; ++k) {
         const int i = k <= sides ? k : 2 * sides + 1 - k;
-        const int *left[2] = {ways[(i + 4) % 4], ways[(i + 1) % 4]}; /* of the sides before and after */
+        const int *left[2] = {ways[(i + 4) % 4], ways[(i + 1) % 4]}; /* sides before and after */
         const double side = k <= sides ? -0.25 : 0.25;
         double p[2];
         for (int a = 0; a < 2; ++a)

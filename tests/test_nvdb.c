@@ -8,7 +8,9 @@
 #include "sparse_model.h"
 #include "command_line.h"
 
-#define ALLOWED 400000000u /* bytes of memory that these files may take */
+#define FORMAT ex_nvdb
+#define NAME   "t.nvdb"
+#include "sparse_files.h"
 
 /* --------------------------------------------------------------------------------------------------------- the writer
  */
@@ -265,53 +267,6 @@ static void write_one(file_bytes *file, const model *m, const recipe *r) {
     put_segment(file, m, r, names, 1);
 }
 
-/* -------------------------------------------------------------------------------------------------------- comparing */
-
-static char where[200];
-
-static void save(const file_bytes *file) {
-    write_file("t.nvdb", file->data, file->count);
-    snprintf(where, sizeof where, "%s/t.nvdb", folder);
-}
-
-static int open_file(ex_sparse *grid, const char *name, ex_error *error) {
-    const double range[2] = {0, 0};
-    error->text[0] = 0;
-    const int failed = ex_nvdb_open(grid, where, name, ALLOWED, error);
-    if (!failed) ex_sparse_scale(grid, range, 0);
-    return failed;
-}
-
-static int complains(const char *name, const char *words) {
-    ex_sparse grid;
-    ex_error error;
-    const int failed = open_file(&grid, name, &error);
-    ex_sparse_free(&grid);
-    if (!words) return CHECK(!failed) || (printf("    %s\n", error.text), 0);
-    if (CHECK(failed && is_printable(error.text, strlen(error.text)) &&
-              strncmp(error.text, where, strlen(where)) == 0 && strstr(error.text, words)))
-        return 1;
-    printf("    '%s' instead of '%s'\n", failed ? error.text : "opened", words);
-    return 0;
-}
-
-/* Opens the file, and compares all with the model. */
-static void check_open(const model *m, const char *name) {
-    ex_sparse grid;
-    ex_error error;
-    int lo[3], hi[3];
-    const uint64_t voxels = find_box(m, 20, lo, hi);
-    if (CHECK(open_file(&grid, name, &error) == 0)) {
-        int same = grid.voxel_count == voxels;
-        for (int a = 0; a < 3; ++a) same &= grid.low[a] == lo[a] && grid.size[a] == hi[a] - lo[a] + 1;
-        CHECK(same);
-        CHECK(compare_all(&grid, m) == 0);
-    } else {
-        printf("    %s\n", error.text);
-    }
-    ex_sparse_free(&grid);
-}
-
 /* ------------------------------------------------------------------------------------------------------------ tests */
 
 /* Every type and packing. */
@@ -341,57 +296,27 @@ static void test_every_type(void) {
 /* Tiles of every level, active or not. */
 static void test_tiles(void) {
     file_bytes file = {0};
-    ex_sparse grid;
-    ex_error error;
-    check_random random = {5};
     const recipe r = plain_recipe();
-    model m = plain_model();
-    const tile lower[2] = {{{8, 0, 0}, 1.5f, 1}, {{24, 0, 0}, 2.25f, 0}}, upper = {{128, -128, 256}, 3.5f, 1};
-    const tile roots[2] = {{{-8192, 0, 0}, 0.25f, 0}, {{4096, 0, -4096}, 4.5f, 1}};
-    memcpy(m.tiles[0], lower, sizeof lower), m.tile_counts[0] = 2;
-    m.tiles[1][0] = upper, m.tile_counts[1] = 1;
-    memcpy(m.tiles[2], roots, sizeof roots), m.tile_counts[2] = 2;
+    const model m = tiled_model();
     write_one(&file, &m, &r);
     save(&file);
-    if (!CHECK(open_file(&grid, "density", &error) == 0)) printf("    %s\n", error.text);
-    const int low[3] = {-16, -128, -4096}, high[3] = {8191, 4095, 383};
-    for (int a = 0; a < 3; ++a) CHECK(grid.low[a] == low[a] && grid.size[a] == high[a] - low[a] + 1);
-    int wrong = 0;
-    for (int i = 0; i < 200; ++i) {
-        int lo[3], size[3];
-        for (int a = 0; a < 3; ++a) {
-            size[a] = 1 + (int)(39 * check_next(&random));
-            lo[a] = (int)(check_next(&random) * (i % 2 ? 300 : grid.size[a] - size[a])) + i % 2 * (-20 - low[a]);
-            if (lo[a] < 0) lo[a] = 0;
-        }
-        wrong += compare_block(&grid, &m, lo, size);
-    }
-    CHECK(wrong == 0);
-    ex_sparse_free(&grid), file_free(&file);
+    check_tiles(&m);
+    file_free(&file);
 }
 
 /* The map's rows are the world's axes. */
 static void test_map(void) {
     static const double matrix[9] = {0.5, 3, -1, 1, 0.25, 0, 2, 1, 4}, shift[3] = {7, 8, 9};
     file_bytes file = {0};
-    ex_sparse grid;
-    ex_error error;
     const model m = plain_model();
     recipe r = plain_recipe();
+    double step[3][3];
     memcpy(r.matrix, matrix, sizeof matrix), memcpy(r.shift, shift, sizeof shift);
+    for (int n = 0; n < 9; ++n) step[n % 3][n / 3] = matrix[n];
     write_one(&file, &m, &r);
     save(&file);
-    if (!CHECK(open_file(&grid, NULL, &error) == 0)) printf("    %s\n", error.text);
-    const sps_placement p = ex_sparse_placement(&grid);
-    for (int k = 0; k < 3; ++k) {
-        double place = p.origin[k], exact = shift[k]; /* the centre of the box's voxel 1,2,3 */
-        for (int a = 0; a < 3; ++a) {
-            place += p.axis[a][k] * (1.5 + a) / grid.size[a];
-            exact += matrix[3 * k + a] * (grid.low[a] + 1 + a);
-        }
-        CHECK_NEAR(place, exact, 1e-12); /* a dozen roundings of numbers up to 100 */
-    }
-    ex_sparse_free(&grid), file_free(&file);
+    check_map(step, shift);
+    file_free(&file);
 }
 
 /* Several segments and grids: by name, `density`, or the first. Bare grids, without segments. */
@@ -431,26 +356,17 @@ static void test_choice(void) {
 /* Level sets are told by their class. */
 static void test_class(void) {
     file_bytes file = {0};
-    ex_sparse grid;
-    ex_error error;
     model m = plain_model();
     recipe r = plain_recipe();
     r.grid_class = 1, m.background = 2;
     write_one(&file, &m, &r);
     save(&file);
-    CHECK(open_file(&grid, NULL, &error) == 0 && strcmp(grid.grid_class, "level set") == 0);
-    CHECK(ex_sparse_check(&grid, 0, &error) && strstr(error.text, "--fog reads it"));
-    CHECK(ex_sparse_check(&grid, 1, &error) == 0);
-    ex_sparse_free(&grid), file_free(&file);
+    check_level_set();
+    file_free(&file);
 }
 
 /* Wrong values of each field. */
-static const struct {
-    const char *mark;
-    size_t after, size;
-    uint64_t value;
-    const char *words;
-} wrong_fields[] = {
+static const wrong_field wrong_fields[] = {
     {"magic", 0, 1, 'X', "not a NanoVDB file"},
     {"magic", 7, 1, '5', "it does not start with NanoVDB0 or NanoVDB2"},
     {"version", 0, 4, 32u << 21 | 2 << 10, "NanoVDB version 32.2 is not supported"},
@@ -493,11 +409,7 @@ static void test_wrong(void) {
     for (size_t i = 0; i < sizeof wrong_fields / sizeof *wrong_fields; ++i) {
         const recipe r = plain_recipe();
         write_one(&file, &m, &r);
-        set_integer(&file, mark_at(&file, wrong_fields[i].mark) + wrong_fields[i].after, wrong_fields[i].value,
-                    wrong_fields[i].size);
-        save(&file);
-        if (!complains(NULL, wrong_fields[i].words))
-            printf("    %s = %llu\n", wrong_fields[i].mark, (unsigned long long)wrong_fields[i].value);
+        check_wrong_field(&file, &wrong_fields[i]);
     }
     recipe r = plain_recipe();
     model fp = plain_model();

@@ -8,7 +8,9 @@
 #include "sparse_model.h"
 #include "command_line.h"
 
-#define ALLOWED 400000000u /* bytes of memory that these files may take */
+#define FORMAT ex_vdb
+#define NAME   "t.vdb"
+#include "sparse_files.h"
 
 enum { ZIP = 1, ACTIVE_ONLY = 2, BLOSC = 4 };
 
@@ -228,53 +230,6 @@ static void write_one(file_bytes *file, const model *m, const recipe *r) {
     put_grid(file, m, r, "density", "");
 }
 
-/* -------------------------------------------------------------------------------------------------------- comparing */
-
-static char where[200];
-
-static void save(const file_bytes *file) {
-    write_file("t.vdb", file->data, file->count);
-    snprintf(where, sizeof where, "%s/t.vdb", folder);
-}
-
-static int open_file(ex_sparse *grid, const char *name, ex_error *error) {
-    const double range[2] = {0, 0};
-    error->text[0] = 0;
-    const int failed = ex_vdb_open(grid, where, name, ALLOWED, error);
-    if (!failed) ex_sparse_scale(grid, range, 0);
-    return failed;
-}
-
-/* What is said of a file that cannot be opened: one line, which names it. */
-static int complains(const char *name, const char *words) {
-    ex_sparse grid;
-    ex_error error;
-    const int failed = open_file(&grid, name, &error);
-    ex_sparse_free(&grid);
-    if (!words) return CHECK(!failed) || (printf("    %s\n", error.text), 0);
-    if (CHECK(failed && is_printable(error.text, strlen(error.text)) &&
-              strncmp(error.text, where, strlen(where)) == 0 && strstr(error.text, words)))
-        return 1;
-    printf("    '%s' instead of '%s'\n", failed ? error.text : "opened", words);
-    return 0;
-}
-
-static void check_file(const file_bytes *file, const model *m, const int lo[3], const int hi[3], uint64_t voxels) {
-    ex_sparse grid;
-    ex_error error;
-    save(file);
-    if (CHECK(open_file(&grid, NULL, &error) == 0)) {
-        int same = grid.voxel_count == voxels;
-        for (int a = 0; a < 3; ++a) same &= grid.low[a] == lo[a] && grid.size[a] == hi[a] - lo[a] + 1;
-        CHECK(same);
-        CHECK(compare_all(&grid, m) == 0);
-        CHECK(!grid.has_failed);
-    } else {
-        printf("    %s\n", error.text);
-    }
-    ex_sparse_free(&grid);
-}
-
 /* ------------------------------------------------------------------------------------------------------------ tests */
 
 /* Every version, compression, way of storing inactive values, and both precisions. */
@@ -285,15 +240,14 @@ static void test_every_way(void) {
         for (int way = 0; way < 7; ++way)
             for (int half = 0; half < 2; ++half) {
                 recipe r = plain_recipe();
-                int lo[3], hi[3];
                 if (!check_long() && (compression / 2 + way + half) % (check_memory_only() ? 4 : 2)) continue;
                 r.version = 222 + (compression + way) % 3;
                 r.compression = compression, r.half = half;
                 m.way = way, m.background = way == 0 ? 0 : 0.125f;
-                const uint64_t voxels = find_box(&m, 20, lo, hi);
                 write_one(&file, &m, &r);
+                save(&file);
                 const int failed = check_failed;
-                check_file(&file, &m, lo, hi, voxels);
+                check_open(&m, NULL);
                 if (check_failed > failed) printf("    compression %d, way %d, half %d\n", compression, way, half);
             }
     file_free(&file);
@@ -311,12 +265,11 @@ static void test_blosc(void) {
     for (size_t i = 0; i < sizeof styles / sizeof *styles; ++i)
         for (int unpacked = 0; unpacked < 2; ++unpacked) {
             recipe r = plain_recipe();
-            int lo[3], hi[3];
             m.way = 6, r.compression = BLOSC, r.blosc = styles[i], r.unpacked = unpacked;
-            const uint64_t voxels = find_box(&m, 20, lo, hi);
             write_one(&file, &m, &r);
+            save(&file);
             const int failed = check_failed;
-            check_file(&file, &m, lo, hi, voxels);
+            check_open(&m, NULL);
             if (check_failed > failed) printf("    style %d\n", (int)i);
         }
     file_free(&file);
@@ -372,41 +325,13 @@ static void test_halves(void) {
 /* Tiles of every level, active or not, between leaves. */
 static void test_tiles(void) {
     file_bytes file = {0};
-    ex_sparse grid;
-    ex_error error;
-    check_random random = {5};
     recipe r = plain_recipe();
-    model m = plain_model();
-    const tile lower[2] = {{{8, 0, 0}, 1.5f, 1}, {{24, 0, 0}, 2.25f, 0}}, upper = {{128, -128, 256}, 3.5f, 1};
-    const tile roots[2] = {{{-8192, 0, 0}, 0.25f, 0}, {{4096, 0, -4096}, 4.5f, 1}};
-    memcpy(m.tiles[0], lower, sizeof lower), m.tile_counts[0] = 2;
-    m.tiles[1][0] = upper, m.tile_counts[1] = 1;
-    memcpy(m.tiles[2], roots, sizeof roots), m.tile_counts[2] = 2;
+    const model m = tiled_model();
     r.compression = ACTIVE_ONLY | BLOSC;
     write_one(&file, &m, &r);
     save(&file);
-    if (!CHECK(open_file(&grid, "density", &error) == 0)) printf("    %s\n", error.text);
-    const int low[3] = {-16, -128, -4096}, high[3] = {8191, 4095, 383};
-    for (int a = 0; a < 3; ++a) CHECK(grid.low[a] == low[a] && grid.size[a] == high[a] - low[a] + 1);
-    uint64_t voxels = 512 + (1ull << 21) + (1ull << 36) + 512 + 1;
-    for (int n = 0; n < 512; ++n) voxels += (uint64_t)voxel_is_active(0, n);
-    CHECK(grid.voxel_count == voxels);
-    int wrong = 0, empty = 0;
-    for (int i = 0; i < 300; ++i) {
-        int lo[3], size[3];
-        const int near = i % 2;
-        for (int a = 0; a < 3; ++a) {
-            size[a] = 1 + (int)(39 * check_next(&random));
-            lo[a] = (int)(check_next(&random) * (near ? 300 : grid.size[a] - size[a])) + near * (-20 - low[a]);
-            if (lo[a] < 0) lo[a] = 0;
-        }
-        float range[2];
-        wrong += compare_block(&grid, &m, lo, size);
-        ex_sparse_range(&grid, lo, size, range);
-        empty += range[1] == 0;
-    }
-    CHECK(wrong == 0 && empty > 50);
-    ex_sparse_free(&grid), file_free(&file);
+    check_tiles(&m);
+    file_free(&file);
 }
 
 /* Where there is no leaf, blocks of any size are exactly 0, and tiles are exact. */
@@ -465,23 +390,12 @@ static void test_maps(void) {
     file_bytes file = {0};
     for (size_t i = 0; i < sizeof maps / sizeof *maps; ++i) {
         recipe r = plain_recipe();
-        ex_sparse grid;
-        ex_error error;
+        double step[3][3];
         r.map = maps[i].name, r.number_count = maps[i].count;
-        memcpy(r.numbers, maps[i].numbers, sizeof r.numbers);
+        memcpy(r.numbers, maps[i].numbers, sizeof r.numbers), memcpy(step, maps[i].step, sizeof step);
         write_one(&file, &m, &r);
         save(&file);
-        if (!CHECK(open_file(&grid, NULL, &error) == 0)) printf("    %s\n", error.text);
-        const sps_placement p = ex_sparse_placement(&grid);
-        for (int k = 0; k < 3; ++k) {
-            double place = p.origin[k], exact = maps[i].origin[k]; /* the centre of the box's voxel 1,2,3 */
-            for (int a = 0; a < 3; ++a) {
-                place += p.axis[a][k] * (1.5 + a) / grid.size[a];
-                exact += maps[i].step[a][k] * (grid.low[a] + 1 + a);
-            }
-            CHECK_NEAR(place, exact, 1e-12); /* a dozen roundings of numbers up to 100 */
-        }
-        ex_sparse_free(&grid);
+        check_map(step, maps[i].origin);
     }
     file_free(&file);
 }
@@ -550,9 +464,8 @@ static void test_values(void) {
     m.background = 3, m.way = 3, r.grid_class = "level set";
     write_one(&file, &m, &r);
     save(&file);
-    CHECK(open_file(&grid, NULL, &error) == 0 && strcmp(grid.grid_class, "level set") == 0);
-    CHECK(ex_sparse_check(&grid, 0, &error) && strstr(error.text, "--fog reads it"));
-    CHECK(ex_sparse_check(&grid, 1, &error) == 0);
+    check_level_set();
+    CHECK(open_file(&grid, NULL, &error) == 0);
     const double none[2] = {0, 0}, range[2] = {1, 5};
     const int first[3] = {0, 0, 0}, size[3] = {8, 8, 8};
     float out[512], high, bounds[2];
@@ -584,51 +497,47 @@ static void test_values(void) {
 }
 
 /* Wrong values of each field. */
-static const struct {
-    const char *mark;
-    size_t after, size;
-    uint64_t value;
-    const char *words;
-} wrong_fields[] = {{"version", 0, 4, 221, "file version 221 is not supported: only 222, 223 and 224 are"},
-                    {"version", 0, 4, 225, "file version 225"},
-                    {"version", 0, 4, 4000000000u, "file version 4000000000"},
-                    {"version", 0, 4, 223, NULL},
-                    {"offsets", 0, 1, 0, "written as a stream"},
-                    {"file metadata", 0, 4, 0x7fffffff, "2147483647 entries of metadata"},
-                    {"file metadata", 4, 4, 5000, "a text of 5000 bytes: at most 4095"},
-                    {"grids", 0, 4, 0, "no grids"},
-                    {"grids", 0, 4, 0xffffffff, "4294967295, for which the file is too short"},
-                    {"name", 0, 4, 256, "a text of 256 bytes: at most 255"},
-                    {"name", 0, 4, 0xffffffff, "a text of 4294967295 bytes"},
-                    {"type", 4, 1, 'X', "no grid of float: the first is density, a Xree_float_5_4_3"},
-                    {"places", 0, 8, 1, "places 1, "},
-                    {"places", 0, 8, 1ull << 63, "do not rise within the file"},
-                    {"places", 8, 8, 1, "do not rise within the file"},
-                    {"places", 16, 8, 1ull << 40, "do not rise within the file"},
-                    {"places", 16, 8, ~0ull, "do not rise within the file"},
-                    {"compression", 0, 4, 8, "compression 8 is not supported"},
-                    {"compression", 0, 4, 1, "bytes that are not packed instead of"},
-                    {"metadata", 0, 4, 0xffffffff, "4294967295 entries of metadata"},
-                    {"metadata", 0, 4, 4, "t.vdb"},
-                    {"meta size", 0, 4, 0xffffffff, "the file ends within it"},
-                    {"map", 4, 1, 'N', "its map is a NniformScaleMap, which is not supported"},
-                    {"numbers", 0, 8, 0, "its map makes voxels flat"},
-                    {"numbers", 8, 8, 0x7ff0000000000000u, "out of range"},
-                    {"numbers", 8, 8, 0x7ff8000000000000u, "out of range"},
-                    {"numbers", 16, 8, 0x7fe0000000000000u, "out of range"},
-                    {"buffers", 0, 4, 2, "leaves have more than one buffer"},
-                    {"root tiles", 0, 4, 0xffffffff, "the root has 4294967295 tiles and 2 children"},
-                    {"root children", 0, 4, 0x80000000u, "for which the file is too short"},
-                    {"root children", 0, 4, 0, "has no active voxels"},
-                    {"first child", 0, 4, 1, "is not a multiple of 4096"},
-                    {"second child", 0, 4, 0xffffe000u, "the places of entries do not rise"},
-                    {"second child", 0, 4, 0x00100000u, "has 1048594 voxels along x: at most 65536"},
-                    {"second child", 0, 4, 0x7ffff000u, "has 2147479570 voxels along x"},
-                    {"way", 0, 1, 7, "7 is no way of storing inactive values"},
-                    {"way", 0, 1, 255, "255 is no way"},
-                    {"mask", 0, 1, 255, "its mask is not the one that the tree has"},
-                    {"leaf", 5, 1, 255, "its mask is not the one that the tree has"},
-                    {"leaf values", 0, 1, 9, "9 is no way"}};
+static const wrong_field wrong_fields[] = {
+    {"version", 0, 4, 221, "file version 221 is not supported: only 222, 223 and 224 are"},
+    {"version", 0, 4, 225, "file version 225"},
+    {"version", 0, 4, 4000000000u, "file version 4000000000"},
+    {"version", 0, 4, 223, NULL},
+    {"offsets", 0, 1, 0, "written as a stream"},
+    {"file metadata", 0, 4, 0x7fffffff, "2147483647 entries of metadata"},
+    {"file metadata", 4, 4, 5000, "a text of 5000 bytes: at most 4095"},
+    {"grids", 0, 4, 0, "no grids"},
+    {"grids", 0, 4, 0xffffffff, "4294967295, for which the file is too short"},
+    {"name", 0, 4, 256, "a text of 256 bytes: at most 255"},
+    {"name", 0, 4, 0xffffffff, "a text of 4294967295 bytes"},
+    {"type", 4, 1, 'X', "grid density is of Xree_float_5_4_3, which is not supported"},
+    {"places", 0, 8, 1, "places 1, "},
+    {"places", 0, 8, 1ull << 63, "do not rise within the file"},
+    {"places", 8, 8, 1, "do not rise within the file"},
+    {"places", 16, 8, 1ull << 40, "do not rise within the file"},
+    {"places", 16, 8, ~0ull, "do not rise within the file"},
+    {"compression", 0, 4, 8, "compression 8 is not supported"},
+    {"compression", 0, 4, 1, "bytes that are not packed instead of"},
+    {"metadata", 0, 4, 0xffffffff, "4294967295 entries of metadata"},
+    {"metadata", 0, 4, 4, "t.vdb"},
+    {"meta size", 0, 4, 0xffffffff, "the file ends within it"},
+    {"map", 4, 1, 'N', "its map is a NniformScaleMap, which is not supported"},
+    {"numbers", 0, 8, 0, "its map makes voxels flat"},
+    {"numbers", 8, 8, 0x7ff0000000000000u, "out of range"},
+    {"numbers", 8, 8, 0x7ff8000000000000u, "out of range"},
+    {"numbers", 16, 8, 0x7fe0000000000000u, "out of range"},
+    {"buffers", 0, 4, 2, "leaves have more than one buffer"},
+    {"root tiles", 0, 4, 0xffffffff, "the root has 4294967295 tiles and 2 children"},
+    {"root children", 0, 4, 0x80000000u, "for which the file is too short"},
+    {"root children", 0, 4, 0, "has no active voxels"},
+    {"first child", 0, 4, 1, "is not a multiple of 4096"},
+    {"second child", 0, 4, 0xffffe000u, "the places of entries do not rise"},
+    {"second child", 0, 4, 0x00100000u, "has 1048594 voxels along x: at most 65536"},
+    {"second child", 0, 4, 0x7ffff000u, "has 2147479570 voxels along x"},
+    {"way", 0, 1, 7, "7 is no way of storing inactive values"},
+    {"way", 0, 1, 255, "255 is no way"},
+    {"mask", 0, 1, 255, "its mask is not the one that the tree has"},
+    {"leaf", 5, 1, 255, "its mask is not the one that the tree has"},
+    {"leaf values", 0, 1, 9, "9 is no way"}};
 
 static void test_wrong(void) {
     const model m = plain_model();
@@ -636,11 +545,7 @@ static void test_wrong(void) {
     file_bytes file = {0};
     for (size_t i = 0; i < sizeof wrong_fields / sizeof *wrong_fields; ++i) {
         write_one(&file, &m, &r);
-        set_integer(&file, mark_at(&file, wrong_fields[i].mark) + wrong_fields[i].after, wrong_fields[i].value,
-                    wrong_fields[i].size);
-        save(&file);
-        if (!complains(NULL, wrong_fields[i].words))
-            printf("    %s = %llu\n", wrong_fields[i].mark, (unsigned long long)wrong_fields[i].value);
+        check_wrong_field(&file, &wrong_fields[i]);
     }
     write_one(&file, &m, &r);
     memcpy(file.data, "NanoVDB0", 8);
@@ -787,11 +692,11 @@ static void test_limit(void) {
     CHECK(open_file(&grid, NULL, &error) == 0);
     const uint64_t needed = grid.bytes;
     ex_sparse_free(&grid);
-    CHECK(ex_vdb_open(&grid, where, NULL, needed, &error) == 0);
+    CHECK(ex_sparse_open(&ex_vdb, &grid, where, NULL, needed, &error) == 0);
     ex_sparse_free(&grid);
-    CHECK(ex_vdb_open(&grid, where, NULL, needed - 1, &error) && strstr(error.text, "--max-bytes"));
+    CHECK(ex_sparse_open(&ex_vdb, &grid, where, NULL, needed - 1, &error) && strstr(error.text, "--max-bytes"));
     ex_sparse_free(&grid);
-    CHECK(ex_vdb_open(&grid, where, NULL, 0, &error));
+    CHECK(ex_sparse_open(&ex_vdb, &grid, where, NULL, 0, &error));
     ex_sparse_free(&grid);
     m.leaf_count = 2;
     write_one(&file, &m, &r);
@@ -846,7 +751,7 @@ static void check_theirs(const char *name, const char *wanted) {
                       read_all(file, t.places, sizeof t.places) && read_all(file, &t.voxels, sizeof t.voxels) &&
                       read_all(file, &t.count, sizeof t.count);
     snprintf(path, sizeof path, "%s/%s.vdb", folder, name);
-    if (CHECK(whole && ex_vdb_open(&grid, path, wanted, ALLOWED, &error) == 0)) {
+    if (CHECK(whole && ex_sparse_open(&ex_vdb, &grid, path, wanted, ALLOWED, &error) == 0)) {
         ex_sparse_scale(&grid, none, 0);
         grid.least = (double)-FLT_MAX;
         CHECK(grid.voxel_count == t.voxels);
@@ -901,9 +806,10 @@ static void test_theirs(void) {
     snprintf(where, sizeof where, "%s/several.vdb", folder);
     ex_sparse grid;
     ex_error error;
-    CHECK(ex_vdb_open(&grid, where, "wind", ALLOWED, &error) && strstr(error.text, "is a Tree_vec3s_5_4_3"));
+    CHECK(ex_sparse_open(&ex_vdb, &grid, where, "wind", ALLOWED, &error) &&
+          strstr(error.text, "is of Tree_vec3s_5_4_3"));
     ex_sparse_free(&grid);
-    CHECK(ex_vdb_open(&grid, where, NULL, ALLOWED, &error) == 0 && strcmp(grid.name, "density[0]") == 0);
+    CHECK(ex_sparse_open(&ex_vdb, &grid, where, NULL, ALLOWED, &error) == 0 && strcmp(grid.name, "density[0]") == 0);
     ex_sparse_free(&grid);
 }
 
@@ -923,9 +829,8 @@ static void write_level_set(file_bytes *file) {
 }
 
 /* The picture of a file, by three threads, is that of the same voxels in a raw file, bit for bit. */
-static void check_picture(void) {
-#define LOOK                                                                                                           \
-    " --box 0,0,0,3,2,2.5 --extinction 2 --light directional,1,-2,-1,3,3,3 --threads 3 --width 30 --height 30 --pfm "
+static void check_picture(const char *looks) {
+    static const char view[] = "--box 0,0,0,3,2,2.5 --threads 3 --width 30 --height 30 --pfm";
     const model m = plain_model();
     static char pictures[2][12000];
     int lo[3], hi[3], at[3], sizes[2];
@@ -939,10 +844,11 @@ static void check_picture(void) {
                 put_float(&raw, expected(&m, at, &active));
             }
     write_file("dense", raw.data, raw.count);
-    snprintf(options, sizeof options, "--volume dense --type f32 --size %d,%d,%d" LOOK "dense.pfm", hi[0] - lo[0] + 1,
-             hi[1] - lo[1] + 1, hi[2] - lo[2] + 1);
+    snprintf(options, sizeof options, "--volume dense --type f32 --size %d,%d,%d %s %s dense.pfm", hi[0] - lo[0] + 1,
+             hi[1] - lo[1] + 1, hi[2] - lo[2] + 1, looks, view);
     CHECK(run_render(options).status == 0);
-    CHECK(run_render("--volume t.vdb --grid smoke" LOOK "sparse.pfm").status == 0);
+    snprintf(options, sizeof options, "--volume t.vdb --grid smoke %s %s sparse.pfm", looks, view);
+    CHECK(run_render(options).status == 0);
     sizes[0] = read_file("dense.pfm", pictures[0], sizeof pictures[0]);
     sizes[1] = read_file("sparse.pfm", pictures[1], sizeof pictures[1]);
     CHECK(sizes[0] > 30 * 30 * 12 && sizes[0] == sizes[1] && memcmp(pictures[0], pictures[1], (size_t)sizes[0]) == 0);
@@ -950,7 +856,6 @@ static void check_picture(void) {
     memcpy(&middle, pictures[1] + sizes[1] - 12 * (15 * 30 + 15), sizeof middle);
     CHECK(middle > 0);
     file_free(&raw);
-#undef LOOK
 }
 
 static void test_render(void) {
@@ -988,7 +893,8 @@ static void test_render(void) {
     set_integer(&file, file.count - 5, 9, 1); /* the way of the last leaf */
     write_file("bad.vdb", file.data, file.count);
     CHECK_COMPLAINTS(list);
-    check_picture();
+    check_picture("--extinction 2 --light directional,1,-2,-1,3,3,3");
+    check_picture("--temperature 1500,1");
     const outcome filled = run_render("--volume t.vdb --grid smoke --range 1,0 --plan >plan");
     CHECK(filled.status == 0 && strstr(filled.said, "grid smoke: its background, 0, fills its box"));
     CHECK(run_render("--volume t.vdb --list-grids >listed").status == 0);

@@ -159,7 +159,7 @@ static int measure(const char *name, const char *path, int compression) {
     if (system(command) != 0) return 1;
     const double gzip = seconds_of(RUSAGE_CHILDREN) - start, before = memory_peak();
     start = seconds_of(RUSAGE_SELF);
-    if (ex_vdb_open(&grid, path, NULL, 4000000000u, &error)) return printf("vdb: %s\n", error.text), 1;
+    if (ex_sparse_open(&ex_vdb, &grid, path, NULL, 4000000000u, &error)) return printf("vdb: %s\n", error.text), 1;
     ex_sparse_scale(&grid, range, 0);
     const double opening = seconds_of(RUSAGE_SELF) - start;
     start = seconds_of(RUSAGE_SELF);

@@ -3108,22 +3108,18 @@ static void spsi_intervals_merge(spsi_interval *list, size_t half, size_t count,
     memcpy(list + to, scratch + left, (moved - left) * sizeof *list);
 }
 
-static void spsi_intervals_insert(spsi_interval *list, size_t count) {
-    SPSI_ROLLED for (size_t i = 1; i < count; ++i) {
-        const spsi_interval taken = list[i];
-        size_t k = i;
-        for (; k > 0 && spsi_interval_less(&taken, &list[k - 1]); --k) list[k] = list[k - 1];
-        list[k] = taken;
-    }
-}
-
 #define SPSI_SORT_SHORT 16 /* insertion sort is faster up to here */
 
 /* Merge sort by u0, with scratch for half the list: n log n, or n if nearly sorted. */
 static void spsi_intervals_sort(spsi_interval *list, size_t count, spsi_interval *scratch) {
     const size_t half = count / 2;
     if (count <= SPSI_SORT_SHORT) {
-        spsi_intervals_insert(list, count);
+        SPSI_ROLLED for (size_t i = 1; i < count; ++i) {
+            const spsi_interval taken = list[i];
+            size_t k = i;
+            for (; k > 0 && spsi_interval_less(&taken, &list[k - 1]); --k) list[k] = list[k - 1];
+            list[k] = taken;
+        }
         return;
     }
     spsi_intervals_sort(list, half, scratch);
@@ -3480,12 +3476,6 @@ typedef struct spsi_piece {
     double u0, u1, t0, t1;
 } spsi_piece;
 
-/* -log T, clamped to 0 .. SPSI_DEPTH_MAX. */
-static inline float spsi_optical_depth_of(double transmittance) {
-    if (!(transmittance > 0)) return SPSI_DEPTH_MAX;
-    return (float)(transmittance < 1 ? 0 - log(transmittance) : 0);
-}
-
 /* T is a polyline: 1 before the first node, constant after the last, the later node at a jump. */
 static void spsi_compressed_depths(const sps_tmap_settings *settings, const spsi_texel *texel, int count,
                                    const float *u, float *depths) {
@@ -3498,7 +3488,7 @@ static void spsi_compressed_depths(const sps_tmap_settings *settings, const spsi
         if (from && next < texel->count)
             through += ((double)to->value - through) * ((double)u[k] - (double)from->u) /
                        ((double)to->u - (double)from->u);
-        depths[k] = spsi_optical_depth_of(through);
+        depths[k] = through > 0 ? (float)(through < 1 ? 0 - log(through) : 0) : SPSI_DEPTH_MAX;
     }
     (void)settings;
 }
@@ -3715,11 +3705,11 @@ SPSI_COLD int spsi_hankel_factor(spsi_hankel *hankel, const double *b) {
 
 /* Biases moments towards a wide distribution, far from singular, so that round-off or too few points are harmless.
    Returns the bias, raised if necessary. */
-SPSI_COLD double spsi_hankel_build(spsi_hankel *hankel, const float *texel, int components, double share) {
+SPSI_COLD double spsi_hankel_build(spsi_hankel *hankel, const float *texel, int components, const double biases[2]) {
     static const double wide[2][SPSI_MOMENTS_MAX / 2] = {{0.375, 0.375}, {0.48, 0.451, 0.45}};
     double b[SPSI_MOMENTS_MAX + 1];
     hankel->size = (components + 1) / 2;
-    for (;; share = spsi_dmin(10 * share, 1)) {
+    for (double share = biases[hankel->size - 3];; share = spsi_dmin(10 * share, 1)) {
         b[0] = 1;
         for (int k = 1; k < components; ++k) {
             const double moment = spsi_dmin(spsi_dmax((double)texel[k], -1), 1);
@@ -3791,12 +3781,6 @@ SPSI_COLD void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bo
     bounds[1] = (before + here) / whole;
 }
 
-/* Returns the bias, at least the one in `biases`. */
-SPSI_COLD double spsi_moment_factor(const sps_tmap_settings *settings, const float *texel, const double biases[2],
-                                    spsi_hankel *hankel) {
-    return spsi_hankel_build(hankel, texel, settings->components, biases[(settings->components - 5) / 2]);
-}
-
 /* Uses the biases of [Muenstermann et al. 2018] for floats. Cost: factorising 3 or 4 rows, solving a quadratic or
    cubic. Exact at u = 1. */
 SPSI_COLD void spsi_moment_depths(const sps_tmap_settings *settings, const spsi_texel *texel, int count,
@@ -3804,7 +3788,7 @@ SPSI_COLD void spsi_moment_depths(const sps_tmap_settings *settings, const spsi_
     static const double biases[2] = {5e-7, 5e-6};
     const float *values = (const float *)texel->data;
     spsi_hankel hankel;
-    if (values[0] > 0) spsi_moment_factor(settings, values, biases, &hankel);
+    if (values[0] > 0) spsi_hankel_build(&hankel, values, settings->components, biases);
     for (int k = 0; k < count; ++k) {
         double bounds[2] = {0, 0};
         depths[k] = values[0];
@@ -3826,7 +3810,7 @@ static void spsi_moment_bracket(const sps_tmap_settings *settings, const spsi_te
     bracket[1] = bracket[0];
     const double whole = (double)values[0], answer = (double)bracket[0];
     if (!(whole > 0) || u >= 1) return;
-    const double share = spsi_moment_factor(settings, values, biases, &hankel);
+    const double share = spsi_hankel_build(&hankel, values, settings->components, biases);
     spsi_hankel_bounds(&hankel, 2 * (double)u - 1, bounds);
     bracket[0] = (float)(share < 1 ? spsi_dmin(spsi_dmax((bounds[0] - share) / (1 - share), 0) * whole, answer) : 0);
     bracket[1] = (float)(share < 1 ? spsi_dmax(spsi_dmin(bounds[1] / (1 - share), 1) * whole, answer) : whole);
@@ -5336,17 +5320,6 @@ SPSI_COLD int spsi_count_channels(const spsi_frame *frame) {
     return grey ? 1 : 3;
 }
 
-/* Runs after the scene's objects are resolved. */
-SPSI_COLD void spsi_resolve_scene(spsi_frame *frame, const sps_scene *scene) {
-    frame->has_ambient = !spsi_black(scene->ambient);
-    for (int m = 0; m < frame->matter.material_count; ++m) {
-        spsi_material *material = &frame->matter.materials[m];
-        frame->has_ambient |= !spsi_black(material->ambient);
-        for (int c = 0; c < 3; ++c) material->ambient[c] += scene->ambient[c];
-    }
-    frame->channels = spsi_count_channels(frame);
-}
-
 /* Checks everything, but reads no data. view may be NULL. Returns NULL on failure. */
 SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene, const sps_view *view,
                                        int wants_depth) {
@@ -5368,7 +5341,14 @@ SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *sc
         return NULL;
     if (view && spsi_resolve_view(context, frame)) return NULL;
     if (spsi_resolve_lights(context, frame, scene)) return NULL;
-    spsi_resolve_scene(frame, scene);
+    /* Runs after the scene's objects are resolved. */
+    frame->has_ambient = !spsi_black(scene->ambient);
+    for (int m = 0; m < frame->matter.material_count; ++m) {
+        spsi_material *material = &frame->matter.materials[m];
+        frame->has_ambient |= !spsi_black(material->ambient);
+        for (int c = 0; c < 3; ++c) material->ambient[c] += scene->ambient[c];
+    }
+    frame->channels = spsi_count_channels(frame);
     content->outer = content->bounds;
     content->eye = frame->eye;
     return frame;
@@ -5617,15 +5597,6 @@ SPSI_COLD sps_result spsi_block_check(sps_context *context, const spsi_block *bl
                            rule);
 }
 
-SPSI_COLD void spsi_block_count_up(sps_stats_report *stats, const spsi_block *block) {
-    uint64_t *calls = block->medium->given.eval_fn ? &stats->eval_calls : &stats->read_calls;
-    *calls += (uint64_t)block->calls;
-    stats->range_calls += (uint64_t)block->range_calls;
-    stats->blocks_skipped += block->skipped + (uint64_t)block->empty;
-    stats->voxels_read += (uint64_t)block->voxels_read;
-    stats->values_replaced += (uint64_t)block->replaced;
-}
-
 /* --- reading blocks --- */
 
 #define SPSI_WALK_LEVELS 3 /* cubes of 512^3, 64^3 and 32^3 voxels */
@@ -5773,8 +5744,14 @@ SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader,
     if (spsi_reader_read(context, reader)) return context->result;
     spsi_parallel(context, reader->count, task, data);
     for (int i = 0; i < reader->count; ++i) {
-        spsi_block_count_up(&context->stats, &reader->list[i].block);
-        if (spsi_block_check(context, &reader->list[i].block)) return context->result;
+        const spsi_block *block = &reader->list[i].block;
+        uint64_t *calls = block->medium->given.eval_fn ? &context->stats.eval_calls : &context->stats.read_calls;
+        *calls += (uint64_t)block->calls;
+        context->stats.range_calls += (uint64_t)block->range_calls;
+        context->stats.blocks_skipped += block->skipped + (uint64_t)block->empty;
+        context->stats.voxels_read += (uint64_t)block->voxels_read;
+        context->stats.values_replaced += (uint64_t)block->replaced;
+        if (spsi_block_check(context, block)) return context->result;
     }
     if (reader->walk.next < reader->walk.end) return SPS_OK;
     context->stats.range_calls += (uint64_t)reader->walk.range_calls;
@@ -7552,16 +7529,6 @@ static void spsi_group_describe(const spsi_layers_job *job, const spsi_rays *ray
     group->face = hit->face;
 }
 
-static void spsi_group_begin(const spsi_layers_job *job, int face, float depth, int x, int y, spsi_group *group) {
-    spsi_edges e;
-    double w[3] = {1, 0, 0};
-    spsi_face_edges(job->faces, face, &job->fine, &e);
-    spsi_face_hit(&e, x, y, w);
-    const spsi_hit hit = {depth, face, {(float)w[1], (float)w[2]}};
-    spsi_group_describe(job, &job->fine, &hit, x, y, group);
-    group->mask = 0;
-}
-
 /* True if shading one suffices: same surface and appearance. */
 static int spsi_groups_agree(const spsi_layers_job *job, const spsi_group *a, const spsi_group *b) {
     const spsi_face *face = &job->faces->list[a->face];
@@ -7590,7 +7557,13 @@ static int spsi_groups_of(const spsi_layers_job *job, const spsi_layer_scratch *
         if (face < 0) continue;
         if (face != last) {
             spsi_group *next = &groups[count];
-            spsi_group_begin(job, face, scratch->depths[at], sx, sy, next);
+            spsi_edges e;
+            double w[3] = {1, 0, 0};
+            spsi_face_edges(job->faces, face, &job->fine, &e);
+            spsi_face_hit(&e, sx, sy, w);
+            const spsi_hit hit = {scratch->depths[at], face, {(float)w[1], (float)w[2]}};
+            spsi_group_describe(job, &job->fine, &hit, sx, sy, next);
+            next->mask = 0;
             for (group = 0; group < count && !spsi_groups_agree(job, &groups[group], next);) group += 1;
             count += group == count;
             last = face;
@@ -9078,14 +9051,6 @@ typedef struct spsi_map_plane {
     double texel;
 } spsi_map_plane;
 
-static void spsi_map_plane_build(spsi_map_plane *plane, int number) {
-    spsi_face_plane(&plane->faces->list[number], plane->normal);
-    plane->a = spsi_dot(plane->normal, plane->rays->a);
-    plane->b = spsi_dot(plane->normal, plane->rays->b);
-    plane->texel = spsi_length(plane->rays->a);
-    plane->number = number;
-}
-
 /* Slope -t (n.a) / (n.r), clamped for grazing rays. */
 static float spsi_map_slope(double across, double facing, double t, double steepest) {
     const double slope = -t * across / facing;
@@ -9096,7 +9061,13 @@ static float spsi_map_slope(double across, double facing, double t, double steep
 static void spsi_map_plane_slopes(spsi_map_plane *plane, int number, int x, int y, float depth, float slope[2],
                                   float *cells) {
     double ray[3], facing, t = 1;
-    if (number != plane->number) spsi_map_plane_build(plane, number);
+    if (number != plane->number) {
+        spsi_face_plane(&plane->faces->list[number], plane->normal);
+        plane->a = spsi_dot(plane->normal, plane->rays->a);
+        plane->b = spsi_dot(plane->normal, plane->rays->b);
+        plane->texel = spsi_length(plane->rays->a);
+        plane->number = number;
+    }
     spsi_ray_direction(plane->rays, x, y, ray);
     facing = spsi_dot(plane->normal, ray);
     if (plane->rays->perspective) t = (double)depth + plane->rays->depth_reference;
@@ -9303,17 +9274,6 @@ SPSI_COLD void spsi_translucent_planes_raster(sps_context *context, const spsi_f
         spsi_fragments_pass(context, &job, 1);
     else
         map->counts[face] = spsi_fragments_count(context, &job);
-}
-
-/* Fragments must have been counted. */
-SPSI_COLD void spsi_translucency_map_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                          spsi_translucency_map *map) {
-    spsi_planes_job job = {faces, &map->grid, 0, map, NULL};
-    job.fragments = (const spsi_fragment *)context->buffers[SPSI_BUFFER_FRAGMENTS].data;
-    for (; job.face < map->grid.face_count; ++job.face) {
-        spsi_translucent_planes_raster(context, frame, faces, map, job.face, 1);
-        spsi_planes_fill(context, &job);
-    }
 }
 
 /* The n-th planes of a vector of texels, and their transmittance. */
@@ -10523,9 +10483,6 @@ typedef struct spsi_footprint {
     float *channel;
 } spsi_footprint;
 
-/* True if weight factors could overflow. */
-static inline int spsi_is_slender(float a, float b, float c) { return b * b > 0.8f * 4 * a * c; }
-
 /* The inverse covariance is (A B; B C). Weights are exp(-A dx^2 / 2 - B dx dy0) * exp(-B dx)^row * exp(-C dy^2 / 2).
    This avoids exponentials per pixel; slender ellipses need one per vector and row. */
 static inline void spsi_splat_columns(const spsi_footprint *print, const spsi_rows *rows, int count, int x, int y,
@@ -10535,7 +10492,7 @@ static inline void spsi_splat_columns(const spsi_footprint *print, const spsi_ro
     const spsi_footprints *f = print->footprints;
     const int i = print->lane;
     const float a = -0.5f * f->across[i], b = f->across[i] * f->lean[i], c = f->inverse_yy[i];
-    const int slender = spsi_is_slender(a, b, c);
+    const int slender = b * b > 0.8f * 4 * a * c; /* 1: weight factors could overflow */
     const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), dx = spsi_sub(at, spsi_set(f->x[i]));
     const spsi_v square = spsi_mul(spsi_mul(dx, dx), spsi_set(a)), amplitude = spsi_set(f->amplitude[i]);
     const spsi_v v_column = spsi_mul(dx, spsi_set(f->slope_x[i]));
@@ -11288,12 +11245,6 @@ static void spsi_pyramid_at(const spsi_pyramid_level *field, int place, int at[3
     at[2] = place / (field->size[0] * field->size[1]) + field->low[2];
 }
 
-static int spsi_pyramid_has(const spsi_pyramid_level *field, const int at[3]) {
-    int has = 1;
-    for (int k = 0; k < 3; ++k) has &= at[k] >= field->low[k] && at[k] < field->low[k] + field->size[k];
-    return has;
-}
-
 SPSI_COLD void spsi_pyramid_place(const spsi_brick *bricks, int taps, spsi_pyramid_level *field) {
     const int most = SPSI_SIZE_MAX * SPSI_SIZE_MAX;
     int high[3] = {-most, -most, -most};
@@ -11351,7 +11302,9 @@ typedef struct spsi_pyramid_job {
 
 /* Stored brick's index; -1: none. */
 static int spsi_pyramid_held(const spsi_pyramid_level *field, const int at[3]) {
-    return spsi_pyramid_has(field, at) ? field->grid[spsi_pyramid_cell(field, at)] : -1;
+    int has = 1;
+    for (int k = 0; k < 3; ++k) has &= at[k] >= field->low[k] && at[k] < field->low[k] + field->size[k];
+    return has ? field->grid[spsi_pyramid_cell(field, at)] : -1;
 }
 
 static int spsi_pyramid_beside(const spsi_pyramid_level *field, const int at[3], int x, int y, int z) {
@@ -11640,22 +11593,20 @@ SPSI_COLD void spsi_level_number(const spsi_pyramid_level *fine, spsi_pyramid_le
     for (size_t i = 0; i < cells; ++i) level->grid[i] = level->grid[i] ? level->count++ : -1;
 }
 
-/* Fractions inside the crop of a finer brick's voxels and of one more on each side. */
-static void spsi_level_crop(const spsi_pyramid_job *job, int from, float inside[3][SPSI_BRICK + 2]) {
-    int at[3];
-    spsi_pyramid_at(job->fine, job->fine->stored[from].place, at);
-    for (int k = 0; k < 3; ++k)
-        for (int i = 0; i < SPSI_BRICK + 2; ++i)
-            inside[k][i] = spsi_crop_fraction(job->cut, k, job->level - 1, SPSI_BRICK * at[k] + i - 1);
-}
-
 /* Downsamples a brick and its one-voxel border to 4^3 coarser voxels with weights (1, 3, 3, 1) / 8, of voxels that are
    cut on the way to the first level that is not clipped. */
 static void spsi_level_octant(const spsi_pyramid_job *job, int from, int to, const int first[3]) {
     enum { FROM = SPSI_BRICK + 2, TO = SPSI_BRICK / 2 };
     const int pitch = spsi_pyramid_pitch(job->taps), before = job->taps / 2 - 2;
     float x_halved[FROM][FROM][TO], xy_halved[FROM][TO][TO], inside[3][FROM], cut[FROM];
-    if (job->cut) spsi_level_crop(job, from, inside);
+    if (job->cut) {
+        /* Fractions inside the crop of a finer brick's voxels and of one more on each side. */
+        int at[3];
+        spsi_pyramid_at(job->fine, job->fine->stored[from].place, at);
+        for (int k = 0; k < 3; ++k)
+            for (int i = 0; i < SPSI_BRICK + 2; ++i)
+                inside[k][i] = spsi_crop_fraction(job->cut, k, job->level - 1, SPSI_BRICK * at[k] + i - 1);
+    }
     for (int z = 0; z < FROM; ++z) {
         const float *plane = spsi_pyramid_plane(job->fine, from, z + before);
         for (int y = 0; y < FROM; ++y) {
@@ -11909,17 +11860,6 @@ static inline void spsi_sampler_line_build(const spsi_sampler *t, const spsi_til
     line->crop[1] = spsi_select(rises, line->crop[1], spsi_min(line->crop[1], begin));
 }
 
-/* Leaves out samples beyond the crop, except those that shape its outermost steps. */
-static inline void spsi_sampler_rays_crop(spsi_sampler_rays *rays) {
-    const spsi_sampler_line *other = &rays->lines[rays->alternates];
-    const spsi_v low = spsi_sub(spsi_min(rays->lines[0].crop[0], other->crop[0]), spsi_set(1.5f));
-    const spsi_v high = spsi_add(spsi_max(rays->lines[0].crop[1], other->crop[1]), spsi_set(1.5f));
-    SPSI_ROLLED for (int n = 0; n <= rays->alternates; ++n) {
-        rays->lines[n].first = spsi_max(rays->lines[n].first, low);
-        rays->lines[n].end = spsi_min(rays->lines[n].end, high);
-    }
-}
-
 static inline void spsi_sampler_rays_build(const spsi_sampler *t, const spsi_tile *tile, spsi_v x, spsi_v y, int part,
                                            spsi_sampler_rays *rays) {
     const int row = t->rays == 2 ? part : part / t->side;
@@ -11930,7 +11870,16 @@ static inline void spsi_sampler_rays_build(const spsi_sampler *t, const spsi_til
     x = spsi_add(x, right);
     spsi_sampler_line_build(t, tile, x, spsi_add(y, down), &rays->lines[0]);
     if (rays->alternates) spsi_sampler_line_build(t, tile, x, spsi_sub(y, down), &rays->lines[1]);
-    if (t->cropped) spsi_sampler_rays_crop(rays);
+    if (t->cropped) {
+        /* Leaves out samples beyond the crop, except those that shape its outermost steps. */
+        const spsi_sampler_line *other = &rays->lines[rays->alternates];
+        const spsi_v low = spsi_sub(spsi_min(rays->lines[0].crop[0], other->crop[0]), spsi_set(1.5f));
+        const spsi_v high = spsi_add(spsi_max(rays->lines[0].crop[1], other->crop[1]), spsi_set(1.5f));
+        SPSI_ROLLED for (int n = 0; n <= rays->alternates; ++n) {
+            rays->lines[n].first = spsi_max(rays->lines[n].first, low);
+            rays->lines[n].end = spsi_min(rays->lines[n].end, high);
+        }
+    }
     if (!rays->alternates) y = spsi_add(y, down);
     rays->base = spsi_linear_base_at(&t->slab, x, y);
     rays->per_slab = spsi_div(spsi_set(1), spsi_linear_slope_at(&t->slab, x, y));
@@ -12577,19 +12526,15 @@ SPSI_COLD int spsi_sampler_pays(const spsi_sampler *sampler, const spsi_lattice 
            field->voxels * (SPSI_COST_FOOTPRINT + SPSI_COST_FRAGMENT * fragments);
 }
 
-/* True if coarser voxels would lose what a transfer function or gradients show. */
-SPSI_COLD int spsi_medium_is_sharp(const spsi_frame *frame, int medium) {
-    const spsi_medium *values = &frame->media[medium - frame->media[medium].follows];
-    const spsi_material *material = &frame->matter.materials[values->channel];
-    return material->table || material->shading == SPS_SHADING_SURFACE;
-}
-
 /* Number of coarser levels; 0 if classified. At high quality and above, 0 for voxels more than twice as long as wide,
    since levels widen all edges. */
 SPSI_COLD int spsi_levels_wanted(const spsi_frame *frame, int medium) {
     const spsi_lattice *lattice = &frame->lattices[medium];
     double shortest = HUGE_VAL, longest = 0;
-    if (spsi_medium_is_sharp(frame, medium)) return 0;
+    /* True if coarser voxels would lose what a transfer function or gradients show. */
+    const spsi_medium *values = &frame->media[medium - frame->media[medium].follows];
+    const spsi_material *material = &frame->matter.materials[values->channel];
+    if (material->table || material->shading == SPS_SHADING_SURFACE) return 0;
     for (int k = 0; k < 3; ++k) {
         shortest = spsi_dmin(shortest, spsi_length(lattice->step[k]));
         longest = spsi_dmax(longest, spsi_length(lattice->step[k]));
@@ -14134,12 +14079,6 @@ static void spsi_tmap_within(const sps_tmap *map, const spsi_texel *texel, int c
 
 #define SPSI_SHADOW_TABLE_PLANES_MOST 1024
 
-/* True for a light's map with the same planes as its table. */
-static int spsi_tmap_is_table(const sps_tmap *map) {
-    const int is_even = map->settings.technique == SPS_TMAP_TABLE || spsi_settings_are_even(&map->settings);
-    return map->table && is_even && map->settings.components == map->table->planes;
-}
-
 /* Optical depths of a texel's gas in front of ascending u. */
 static void spsi_tmap_depths(const sps_tmap *map, const spsi_texel *texel, int count, const float *u, float *depths) {
     float within[SPSI_SHADOW_TABLE_PLANES_MOST];
@@ -14148,15 +14087,6 @@ static void spsi_tmap_depths(const sps_tmap *map, const spsi_texel *texel, int c
     spsi_tmap_within(map, texel, count, u, within);
     for (; first < count && within[first] < 0; ++first) depths[first] = 0;
     map->technique->depths(&map->inner, texel, count - first, within + first, depths + first);
-}
-
-static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float bounds[2]) {
-    const spsi_texel texel = spsi_tmap_texel(map, index);
-    float within;
-    spsi_tmap_within(map, &texel, 1, &u, &within);
-    bounds[0] = 0;
-    bounds[1] = within < 0 ? 0 : SPSI_DEPTH_MAX;
-    if (within >= 0 && map->technique->bracket) map->technique->bracket(&map->inner, &texel, within, bounds);
 }
 
 typedef struct spsi_tmap_quad {
@@ -14332,7 +14262,12 @@ static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], dou
     for (int i = 0; i < 4; ++i) {
         float bounds[2];
         if (!(quad.weight[i] > 0)) continue;
-        spsi_tmap_bounds(map, spsi_quad_texel(map, &quad, i), quad.u, bounds);
+        const spsi_texel texel = spsi_tmap_texel(map, spsi_quad_texel(map, &quad, i));
+        float within;
+        spsi_tmap_within(map, &texel, 1, &quad.u, &within);
+        bounds[0] = 0;
+        bounds[1] = within < 0 ? 0 : SPSI_DEPTH_MAX;
+        if (within >= 0 && map->technique->bracket) map->technique->bracket(&map->inner, &texel, within, bounds);
         for (int k = 0; k < 2; ++k) bracket[k] += quad.weight[i] * (double)bounds[k];
     }
     const double lit = spsi_tmap_lit(map, &quad);
@@ -14423,15 +14358,6 @@ static size_t spsi_map_tile_texel(const spsi_map_tile *into, int x, int y) {
     return ((size_t)into->filling->band.face * (size_t)rays->height + (size_t)y) * (size_t)rays->width + (size_t)x;
 }
 
-static void spsi_insert_range(const spsi_map_tile *into, size_t at, const spsi_intervals *intervals) {
-    const spsi_v zero = spsi_set(0), one = spsi_set(1);
-    const spsi_m some = spsi_less(zero, intervals->depth);
-    const spsi_v first = spsi_load(into->ranges + at), last = spsi_load(into->ranges + into->stride + at);
-    const spsi_v u0 = spsi_clamp(intervals->u0, zero, one), u1 = spsi_clamp(intervals->u1, zero, one);
-    spsi_store(into->ranges + at, spsi_select(some, spsi_min(first, u0), first));
-    spsi_store(into->ranges + into->stride + at, spsi_select(some, spsi_max(last, u1), last));
-}
-
 /* Limits on interval ends beyond 0..1, to keep lengths finite: in u, and relative to a possibly tiny range. */
 #define SPSI_INTERVAL_REACH 1e30
 #define SPSI_RANGE_REACH    1e6f
@@ -14471,7 +14397,12 @@ static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_inte
     const size_t at = (size_t)((y - into->y0) * into->width + (x - into->x0));
     spsi_intervals within = *intervals;
     if (filling->visit == SPSI_VISIT_RANGE) {
-        spsi_insert_range(into, at, intervals);
+        const spsi_v zero = spsi_set(0), one = spsi_set(1);
+        const spsi_m some = spsi_less(zero, intervals->depth);
+        const spsi_v first = spsi_load(into->ranges + at), last = spsi_load(into->ranges + into->stride + at);
+        const spsi_v u0 = spsi_clamp(intervals->u0, zero, one), u1 = spsi_clamp(intervals->u1, zero, one);
+        spsi_store(into->ranges + at, spsi_select(some, spsi_min(first, u0), first));
+        spsi_store(into->ranges + into->stride + at, spsi_select(some, spsi_max(last, u1), last));
     } else if (filling->visit == SPSI_VISIT_SUMS) {
         if (filling->map->has_range) spsi_intervals_within(into, at, &within);
         if (filling->map->technique->insert)
@@ -14569,13 +14500,6 @@ static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sph
     spsi_insert(into, x, y, &intervals);
 }
 
-static void spsi_insert_sphere(const spsi_map_tile *into, const spsi_sphere *sphere) {
-    const int x0 = spsi_imax(sphere->x0, into->x0), x1 = spsi_imin(sphere->x1, into->x0 + into->width - 1);
-    const int y0 = spsi_imax(sphere->y0, into->y0), y1 = spsi_imin(sphere->y1, into->y0 + into->height - 1);
-    for (int y = y0; y <= y1; ++y)
-        for (int x = x0; x <= x1; x += SPSI_LANES) spsi_insert_chords(into, sphere, x, y, x1);
-}
-
 static uint32_t spsi_tile_sphere_count(const spsi_occluders *occluders, int tile) {
     if (!occluders->spheres) return 0;
     if (occluders->tile_spheres) return occluders->tile_starts[tile + 1] - occluders->tile_starts[tile];
@@ -14641,7 +14565,11 @@ static void spsi_fill_task(void *data, int index) {
     spsi_map_tile_place(filling, index, &into);
     spsi_map_tile_clear(&into);
     for (uint32_t i = 0; i < spsi_tile_sphere_count(occluders, tile); ++i) {
-        spsi_insert_sphere(&into, &occluders->spheres[spsi_tile_sphere(occluders, tile, i)]);
+        const spsi_sphere *sphere = &occluders->spheres[spsi_tile_sphere(occluders, tile, i)];
+        const int x0 = spsi_imax(sphere->x0, into.x0), x1 = spsi_imin(sphere->x1, into.x0 + into.width - 1);
+        const int y0 = spsi_imax(sphere->y0, into.y0), y1 = spsi_imin(sphere->y1, into.y0 + into.height - 1);
+        for (int y = y0; y <= y1; ++y)
+            for (int x = x0; x <= x1; x += SPSI_LANES) spsi_insert_chords(&into, sphere, x, y, x1);
         if (i % SPSI_BATCH == SPSI_BATCH - 1) spsi_task_tick(filling->context);
     }
     spsi_insert_triangles(&into);
@@ -14731,7 +14659,10 @@ static void spsi_shadow_table_evaluate(const sps_tmap *map, size_t index, const 
 static void spsi_store_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
     const sps_tmap *map = filling->map;
-    const int components = map->inner.components, is_table = spsi_tmap_is_table(map);
+    /* A light's map with the same planes as its table is stored as it is. */
+    const int is_even = map->settings.technique == SPS_TMAP_TABLE || spsi_settings_are_even(&map->settings);
+    const int is_table = map->table && is_even && map->settings.components == map->table->planes;
+    const int components = map->inner.components;
     float own[SPSI_TMAP_COMPONENTS];
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
@@ -15347,13 +15278,6 @@ SPSI_COLD sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
     }
     map->replace_invalid |= scene->replace_invalid;
     return SPS_OK;
-}
-
-SPSI_COLD void spsi_tmap_release(sps_tmap *map) {
-    spsi_buffer_release(map->context, &map->planes);
-    spsi_buffer_release(map->context, &map->data.texels);
-    spsi_buffer_release(map->context, &map->data.starts);
-    spsi_buffer_release(map->context, &map->data.surfaces);
 }
 
 SPSI_COLD void spsi_tmap_forget(sps_tmap *map) {
@@ -16056,13 +15980,6 @@ static spsi_v spsi_slab_lengths(const spsi_beam *beam, spsi_v x, float y) {
     return spsi_div(spsi_ray_lengths(&beam->rays, x, y), spsi_max(slabs, spsi_set(FLT_MIN * 16)));
 }
 
-/* `lengths` has room for whole vectors. */
-static void spsi_beam_lengths(const spsi_beam *beam, int x0, int y, int count, float *lengths) {
-    for (int i = 0; i < count; i += SPSI_LANES)
-        spsi_store(lengths + i, spsi_slab_lengths(beam, spsi_add(spsi_set((float)(x0 - beam->x0 + i)), spsi_iota()),
-                                                  (float)(y - beam->y0)));
-}
-
 /* Fraction of a layer's light that polygons stop, at a beam's texels in an area. Returns bounds of nonzero texels. */
 static spsi_area spsi_beam_stopped(const spsi_beam *beam, spsi_area area, float layer, float *stopped) {
     const size_t width = (size_t)(area.x1 - area.x0 + 1);
@@ -16217,7 +16134,10 @@ static void spsi_beam_block(const spsi_penumbra *penumbra, const spsi_beam *beam
         const spsi_texel_row row = {block.x0, y, block.x1 - block.x0 + 1, lengths, beam->depth + at};
         const spsi_texel_grid sheet = {penumbra->sheets + (size_t)penumbra->plane * spsi_ray_count(rays), 0, 0,
                                        rays->width, rays->height};
-        spsi_beam_lengths(beam, row.x0, y, row.count, lengths);
+        for (int i = 0; i < row.count; i += SPSI_LANES)
+            spsi_store(lengths + i,
+                       spsi_slab_lengths(beam, spsi_add(spsi_set((float)(row.x0 - beam->x0 + i)), spsi_iota()),
+                                         (float)(y - beam->y0)));
         spsi_row_add(&sheet, &slide, &row);
     }
 }
@@ -16888,44 +16808,34 @@ static void spsi_sliced_task(void *data, int index, int worker) {
     spsi_tile tile;
     spsi_tile_place(&sliced->target, column, row, worker, &tile);
     tile.open = planes->open[index];
-    tile.depth = planes->depth[SPSI_CHUNK] + (size_t)tile.y0 * (size_t)planes->width + (size_t)tile.x0;
     tile.depth_pitch = (size_t)planes->width;
     tile.end = planes->end;
+    if (!sliced->is_soft) tile.depth = planes->depth[SPSI_CHUNK] + (size_t)tile.y0 * tile.depth_pitch + (size_t)tile.x0;
     if (!tile.open || !spsi_tile_splat(&sliced->target, sliced->contents, column, row, &tile)) {
+        if (sliced->is_soft) spsi_penumbra_clear(&sliced->penumbra, index);
         spsi_planes_level(planes, index);
+        return;
+    }
+    spsi_tile_count(&sliced->target, &tile, worker);
+    if (sliced->is_soft) {
+        spsi_penumbra_keep(&sliced->penumbra, &sliced->shader, &tile, index);
         return;
     }
     spsi_planes_propagate(planes, &sliced->shader, &tile);
     planes->open[index] =
         spsi_patches_unfinished(tile.depth, tile.depth_pitch, tile.x1 - tile.x0 + 1, tile.y1 - tile.y0 + 1, tile.end);
     planes->uneven[index] = 1;
-    spsi_tile_count(&sliced->target, &tile, worker);
-}
-
-static void spsi_soft_sheets_task(void *data, int index, int worker) {
-    spsi_sliced *sliced = (spsi_sliced *)data;
-    const int column = index % sliced->planes.tiles_x, row = index / sliced->planes.tiles_x;
-    spsi_tile tile;
-    spsi_tile_place(&sliced->target, column, row, worker, &tile);
-    if (!spsi_tile_splat(&sliced->target, sliced->contents, column, row, &tile)) {
-        spsi_penumbra_clear(&sliced->penumbra, index);
-        return;
-    }
-    spsi_penumbra_keep(&sliced->penumbra, &sliced->shader, &tile, index);
-    spsi_tile_count(&sliced->target, &tile, worker);
 }
 
 /* Penumbrae need all sheets of the chunk first. */
 SPSI_COLD void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
     const double start = spsi_clock(context);
     const int tiles = sliced->planes.tiles_x * sliced->planes.tiles_y;
+    spsi_parallel(context, tiles, spsi_sliced_task, sliced);
     if (sliced->is_soft) {
-        spsi_parallel(context, tiles, spsi_soft_sheets_task, sliced);
         spsi_penumbra_advance(context, &sliced->penumbra, sliced->contents->first_slab, sliced->planes.depth);
         context->stats.soft_texels +=
             (SPSI_CHUNK + 1) * (uint64_t)sliced->penumbra.beam_count * (uint64_t)spsi_ray_count(sliced->target.rays);
-    } else {
-        spsi_parallel(context, tiles, spsi_sliced_task, sliced);
     }
     context->stats.seconds_light += spsi_clock(context) - start;
 }
@@ -16996,23 +16906,6 @@ static spsi_v spsi_planes_find(const spsi_planes *planes, const float *grids, sp
     return found;
 }
 
-/* Fraction of a penumbra's light that polygons stop. */
-static spsi_v spsi_sliced_hidden(const spsi_sliced *sliced, const spsi_v at[3], spsi_v layer) {
-    const spsi_v k = spsi_floor(spsi_clamp(layer, spsi_set(0), spsi_set(SPSI_SUBSLABS * SPSI_CHUNK - 1)));
-    spsi_v q[2];
-    spsi_sliced_project(sliced, at, q);
-    return spsi_planes_find(&sliced->planes, sliced->penumbra.hidden, k, q);
-}
-
-/* Interpolates between planes. Usually, all points are in one slab; where the eye sees no media, a whole chunk is
-   shaded together. */
-static spsi_v spsi_planes_lookup(const spsi_planes *planes, const spsi_v q[2], spsi_v slab) {
-    const spsi_v k = spsi_min(spsi_floor(slab), spsi_set(SPSI_CHUNK - 1));
-    const spsi_v before = spsi_planes_find(planes, planes->depth[0], k, q);
-    const spsi_v after = spsi_planes_find(planes, planes->depth[0], spsi_add(k, spsi_set(1)), q);
-    return spsi_mix(before, after, spsi_sub(slab, k));
-}
-
 /* row . (point - from) - less. */
 static spsi_v spsi_points_along(const spsi_points *points, const double row[3], const double from[3], double less) {
     float along[SPSI_LANES];
@@ -17034,7 +16927,11 @@ static spsi_v spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, co
     const spsi_v per_slab = spsi_set((float)(1 / slabs->thickness));
     spsi_v slab = spsi_mul(spsi_points_along(points, slabs->normal, zero, start), per_slab);
     slab = spsi_clamp(slab, spsi_set(0), spsi_set(SPSI_CHUNK));
-    const spsi_v depth = spsi_planes_lookup(&sliced->planes, texel, slab);
+    /* Usually, all points are in one slab; where the eye sees no media, a whole chunk is shaded together. */
+    const spsi_v k = spsi_min(spsi_floor(slab), spsi_set(SPSI_CHUNK - 1));
+    const spsi_v before = spsi_planes_find(&sliced->planes, sliced->planes.depth[0], k, texel);
+    const spsi_v after = spsi_planes_find(&sliced->planes, sliced->planes.depth[0], spsi_add(k, spsi_set(1)), texel);
+    const spsi_v depth = spsi_mix(before, after, spsi_sub(slab, k));
     return rays->perspective ? spsi_select(spsi_less(spsi_set(0), q[2]), depth, spsi_set(0)) : depth;
 }
 
@@ -17137,17 +17034,6 @@ static void spsi_light_table_count(const sps_context *context, const spsi_frame 
     if (light->tables > 1) *room -= sum;
 }
 
-/* Gives a light without valid slabs one table, an area light several. */
-SPSI_COLD void spsi_choose_for_unserved(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
-                                        double *room, spsi_light *light) {
-    const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_EVEN;
-    spsi_rays rays[SPSI_CUBE_FACES];
-    spsi_light_choose_table(light, 1, by_camera ? SPSI_CHOICE_TABLE_CAMERA : SPSI_CHOICE_TABLE_IN_GAS);
-    if (!spsi_light_rays(frame, light, rays)) spsi_light_choose_table(light, 0, SPSI_CHOICE_SHEETS);
-    spsi_light_table_count(context, frame, room, light);
-    if (light->tables > 1) light->choice = SPSI_CHOICE_TABLES;
-}
-
 /* Chooses sheets or a table. `others`: 1 if an earlier light has sheets; `room`: bytes left for tables. `plain`:
    media's bounds without levels' padding, to judge a table's detail: shadows must not change abruptly where a level
    fades in. */
@@ -17162,7 +17048,13 @@ SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *fra
     if (spsi_eye_is_wide(frame) && !others && !light->extent.exists) /* tables allow image splitting */
         serves &= sweep.cosine_of_eye >= SPSI_COSINE_EVEN;
     if (!serves) {
-        spsi_choose_for_unserved(context, frame, &sweep, room, light);
+        /* Gives a light without valid slabs one table, an area light several. */
+        const int by_camera = sweep.cosine_of_light >= SPSI_COSINE_MIN && sweep.cosine_of_eye < SPSI_COSINE_EVEN;
+        spsi_rays rays[SPSI_CUBE_FACES];
+        spsi_light_choose_table(light, 1, by_camera ? SPSI_CHOICE_TABLE_CAMERA : SPSI_CHOICE_TABLE_IN_GAS);
+        if (!spsi_light_rays(frame, light, rays)) spsi_light_choose_table(light, 0, SPSI_CHOICE_SHEETS);
+        spsi_light_table_count(context, frame, room, light);
+        if (light->tables > 1) light->choice = SPSI_CHOICE_TABLES;
         return;
     }
     if ((!others && !spsi_uses_cells(frame)) || frame->matter.classifies || light->extent.exists) return;
@@ -17354,7 +17246,12 @@ SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const sp
     for (size_t i = 0; i < map_count; ++i) {
         for (int face = 0; face < maps[i].grid.face_count; translucent += maps[i].counts[face++])
             maps[i].list[face] = translucent;
-        spsi_translucency_map_fill(context, frame, faces, &maps[i]);
+        spsi_planes_job job = {faces, &maps[i].grid, 0, &maps[i], NULL};
+        job.fragments = (const spsi_fragment *)context->buffers[SPSI_BUFFER_FRAGMENTS].data;
+        for (; job.face < maps[i].grid.face_count; ++job.face) {
+            spsi_translucent_planes_raster(context, frame, faces, &maps[i], job.face, 1);
+            spsi_planes_fill(context, &job);
+        }
     }
     return SPS_OK;
 }
@@ -19934,12 +19831,6 @@ static void spsi_flights_light_task(void *data, int index) {
     for (; first[0] < size[0]; first[0] += SPSI_FLIGHT_BLOCK) spsi_flights_light_cube(job, first);
 }
 
-/* Radiance of a node towards a point, relative to its mean. */
-static double spsi_emitter_lobe(const spsi_emitter *node, const double toward[3], double distance) {
-    const double axis[3] = {(double)node->axis[0], (double)node->axis[1], (double)node->axis[2]};
-    return 1 - spsi_length(axis) + 4 * spsi_dmax(-spsi_dot(axis, toward) / spsi_dmax(distance, DBL_MIN), 0);
-}
-
 /* Irradiance from a uniform sphere of intensity 1, its centre `height` above the surface's plane. Only the part above
    counts: polygons may cut it. The azimuthal integral around the centre's direction is analytic; spheres wholly above
    act as points [Newton's shell theorem]. `thick`: optical radius; 0: thin. */
@@ -19986,7 +19877,9 @@ static void spsi_flights_irradiance_of(const spsi_flight_place *place, const sps
         cut[i] = fabs(height) < (double)node->radius ? 0 : node->cut; /* cut by the surface's plane: exact */
         thick[i] = node->thick;
         share[i] = spsi_sphere_lights(distance, height, (double)node->radius, (double)node->thick);
-        share[i] *= spsi_emitter_lobe(node, toward[i], distance);
+        /* Radiance of a node towards a point, relative to its mean. */
+        const double axis[3] = {(double)node->axis[0], (double)node->axis[1], (double)node->axis[2]};
+        share[i] *= 1 - spsi_length(axis) + 4 * spsi_dmax(-spsi_dot(axis, toward[i]) / spsi_dmax(distance, DBL_MIN), 0);
         some |= (share[i] > 0) << i;
         for (int k = 0; k < 3; ++k) {
             ways.from[k][i] = node->at[k];
@@ -20556,14 +20449,6 @@ static void spsi_cone_edges(const spsi_light *light, spsi_reach *reach) {
     }
 }
 
-/* Mean transmittance of the lit range, relative to the part's. Optical depth changes by `change` along the part. */
-static spsi_v spsi_cone_passes(const spsi_reach *reach, spsi_v change) {
-    const spsi_v less = spsi_max(spsi_sub(spsi_set(0), change), spsi_set(0));
-    const spsi_v first = spsi_fma(change, reach->edges[0], less), last = spsi_fma(change, reach->edges[3], less);
-    const spsi_v all = spsi_mean_transmittance(less, spsi_add(change, less));
-    return spsi_div(spsi_mean_transmittance(first, last), all);
-}
-
 /* Returns 1 if a cone covers all lanes' parts, -1 if it misses all, 0 otherwise. At an angle a from the axis,
    sqrt(1-cos a) is sqrt(2) sin(a/2). */
 static int spsi_cone_meets(const spsi_light *light, const spsi_reach *reach) {
@@ -20618,7 +20503,12 @@ static int spsi_light_point_at(const spsi_shader *shader, const spsi_light *ligh
         const spsi_v lit = spsi_add(spsi_add(reach->width[0], reach->width[1]), reach->width[2]);
         if (!spsi_bits(spsi_less(zero, lit))) return 0;
         spsi_light_travel(light, p, reach, incident->travel);
-        passes = spsi_cone_passes(reach, change);
+        /* Mean transmittance of the lit range, relative to the part's. Optical depth changes by `change` along the
+         * part. */
+        const spsi_v less = spsi_max(spsi_sub(spsi_set(0), change), spsi_set(0));
+        const spsi_v first = spsi_fma(change, reach->edges[0], less), last = spsi_fma(change, reach->edges[3], less);
+        const spsi_v all = spsi_mean_transmittance(less, spsi_add(change, less));
+        passes = spsi_div(spsi_mean_transmittance(first, last), all);
     }
     const spsi_v cosine = spsi_dot_v(p->toward, incident->travel);
     const spsi_v sine = spsi_sqrt(spsi_max(spsi_sub(one, spsi_mul(cosine, cosine)), zero));
@@ -20789,19 +20679,6 @@ static void spsi_lit_fractions(const spsi_shader *shader, const spsi_depth_map *
     lit[0] = spsi_mul(lit[0], spsi_set(1.0f / SPSI_SUBSLABS));
 }
 
-static inline spsi_v spsi_pixels_shadow(const spsi_shadow *shadow, const spsi_pixels *p, int k, spsi_v d) {
-    spsi_row_linears linears;
-    spsi_v at[3];
-    spsi_row_linears_build(shadow->along, p->at, (float)p->y, &linears);
-    spsi_row_linears_at(&linears, d, at);
-    return spsi_shadow_lookup(shadow, at, k);
-}
-
-static void spsi_arrival_begin(const spsi_shadow *shadow, const spsi_pixels *p, spsi_arrival *arrival) {
-    arrival->plane = -1;
-    spsi_row_linears_build(shadow->along, p->at, (float)p->y, &arrival->linears);
-}
-
 static spsi_v spsi_plane_light(const spsi_shadow *shadow, const spsi_pixels *p, const spsi_arrival *arrival, int k) {
     const spsi_v d = spsi_plane_depth(p, k);
     spsi_v at[3];
@@ -20862,19 +20739,14 @@ static spsi_v spsi_subslab_hidden(const spsi_shader *shader, const spsi_shadow *
     SPSI_ROLLED for (int i = 0; i < count; ++i) {
         const spsi_v d = spsi_fma(part->half, spsi_set((float)(2 * i + 1) / (float)count - 1), part->middle);
         spsi_row_linears_at(&arrival->linears, d, place);
-        sum = spsi_add(sum, spsi_sliced_hidden(shadow->sliced, place,
-                                               spsi_fma(d, scale, spsi_mul(layers, p->base))));
+        /* Fraction of a penumbra's light that polygons stop. */
+        const spsi_v k = spsi_floor(spsi_clamp(spsi_fma(d, scale, spsi_mul(layers, p->base)), spsi_set(0),
+                                               spsi_set(SPSI_SUBSLABS * SPSI_CHUNK - 1)));
+        spsi_v q[2];
+        spsi_sliced_project(shadow->sliced, place, q);
+        sum = spsi_add(sum, spsi_planes_find(&shadow->sliced->planes, shadow->sliced->penumbra.hidden, k, q));
     }
     return spsi_mul(sum, spsi_set(1.0f / (float)count));
-}
-
-static void spsi_subslab_pass(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
-                              const spsi_pixels *p, const spsi_subslab *part, spsi_v filter[3]) {
-    if (shadow->translucency_map_count > 0) spsi_subslab_filter(shader, shadow, p, part, filter);
-    if (shadow->soft && shadow->sliced->penumbra.hidden) {
-        const spsi_v seen = spsi_sub(spsi_set(1), spsi_subslab_hidden(shader, shadow, arrival, p, part));
-        for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(filter[c], seen);
-    }
 }
 
 /* Mean transmittance over a group's matter from a light, and to the eye if `eye`. Optical depth is assumed linear in a
@@ -20926,7 +20798,11 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
         arrives = spsi_mul(lit, spsi_mean_transmittance(lit_depth[0], lit_depth[1]));
         if (slab->group > 1) arrives = spsi_select(whole, spsi_group_passes(slab, arrival, part, 0), arrives);
     }
-    if (shadow->soft || shadow->translucency_map_count > 0) spsi_subslab_pass(shader, shadow, arrival, p, part, filter);
+    if (shadow->translucency_map_count > 0) spsi_subslab_filter(shader, shadow, p, part, filter);
+    if (shadow->soft && shadow->sliced->penumbra.hidden) {
+        const spsi_v seen = spsi_sub(spsi_set(1), spsi_subslab_hidden(shader, shadow, arrival, p, part));
+        for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(filter[c], seen);
+    }
     for (int c = 0; c < 3; ++c) {
         carried.passes[c] = spsi_mul(passes, filter[c]);
         carried.lit[c] = spsi_mul(arrives, filter[c]);
@@ -21195,8 +21071,7 @@ static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_light *li
 
 /* --- irradiance from cells and first flights --- */
 
-#define SPSI_RECEIVED_TILE  32 /* pixels along an edge of a task's tile */
-#define SPSI_RECEIVED_BLOCK 32 /* pixels along an edge of the largest interpolated blocks */
+#define SPSI_RECEIVED_TILE  32 /* pixels along an edge of a task's tile, the largest interpolated block */
 #define SPSI_RECEIVED_STEP  2  /* pixels between knots */
 #define SPSI_RECEIVED_KNOTS (SPSI_RECEIVED_TILE / SPSI_RECEIVED_STEP + 1)
 
@@ -21361,9 +21236,7 @@ static void spsi_receive_task(void *data, int index, int worker) {
     if (x0 >= region[0] + region[2] || x0 + side <= region[0]) return;
     if (y0 >= region[1] + region[3] || y0 + side <= region[1]) return;
     for (int n = 0; n < SPSI_RECEIVED_KNOTS * SPSI_RECEIVED_KNOTS; ++n) tile->knots[n].face = -1;
-    for (int y = y0; y < y0 + side; y += SPSI_RECEIVED_BLOCK)
-        for (int x = x0; x < x0 + side; x += SPSI_RECEIVED_BLOCK)
-            spsi_receive_block(tile, x, y, SPSI_RECEIVED_BLOCK);
+    spsi_receive_block(tile, x0, y0, side);
 }
 
 static int spsi_receive_reserve(sps_context *context, const spsi_frame *frame, spsi_receive_job *job) {
@@ -21636,10 +21509,7 @@ static void spsi_pending_look(const spsi_shader *shader, int lane, spsi_pending 
 }
 
 static void spsi_pending_pass(const spsi_shader *shader, int lane, spsi_pending *ahead) {
-    if (shader->sweep->back_to_front)
-        ahead->front[lane] -= 1;
-    else
-        ahead->front[lane] += 1;
+    ahead->front[lane] = shader->sweep->back_to_front ? ahead->front[lane] - 1 : ahead->front[lane] + 1;
     spsi_pending_look(shader, lane, ahead);
 }
 
@@ -22055,8 +21925,10 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     row.slab.part_count = shader->frame->matter.classifies ? SPSI_SUBSLABS : 1;
     row.width = width;
     spsi_pixels_build(shader, x, y, &row.pixels);
-    for (int i = 0; i < shader->shadow_count; ++i)
-        spsi_arrival_begin(&shader->shadows[i], &row.pixels, &row.slab.arrivals[i]);
+    for (int i = 0; i < shader->shadow_count; ++i) {
+        row.slab.arrivals[i].plane = -1;
+        spsi_row_linears_build(shader->shadows[i].along, row.pixels.at, (float)y, &row.slab.arrivals[i].linears);
+    }
     spsi_pending_begin(shader, &row.pixels, width, shading->low, &row.ahead);
     spsi_gathered_load(shader, at, &row.sum);
     for (int k = 0; k < spsi_imax(shading->slab_count, 1); k += group) {
@@ -22551,7 +22423,11 @@ static spsi_v spsi_cell_spot_straight(const spsi_cell_spot *spot, spsi_v found, 
 /* Transmittance per channel. Optical depths at the table's limit may be larger, and count as opaque. */
 static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *shadow, const spsi_cell_spot *spot,
                                   spsi_v passes[3]) {
-    const spsi_v found = spsi_pixels_shadow(shadow, &spot->pixels, 0, spot->part.middle);
+    spsi_row_linears linears;
+    spsi_v at[3];
+    spsi_row_linears_build(shadow->along, spot->pixels.at, (float)spot->pixels.y, &linears);
+    spsi_row_linears_at(&linears, spot->part.middle, at);
+    const spsi_v found = spsi_shadow_lookup(shadow, at, 0);
     const spsi_m dark = spsi_less(spsi_set(0.999f * shadow->table->end), found);
     spsi_v lit[SPSI_SUBSLABS], filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
     spsi_lit_fractions(&job->shader, &shadow->depth_map, &spot->pixels, &spot->slab, lit);
@@ -27547,7 +27423,6 @@ SPSI_COLD int spsi_bracket_step(const spsi_marcher *marcher, const spsi_ray *ray
 /* --- setting up --- */
 
 SPSI_COLD sps_result spsi_bracket_check(sps_context *context, const spsi_frame *frame) {
-    int scatters = 0;
     if (spsi_uses_cells(frame) || spsi_convolves(frame) || spsi_scatters_forward(frame))
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
                               "must be SPS_SCATTERING_SINGLE: light has bounds as long as it scatters once");
@@ -27561,14 +27436,13 @@ SPSI_COLD sps_result spsi_bracket_check(sps_context *context, const spsi_frame *
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, frame->media[m].index, "crop", 0,
                                   "and border have no known error bounds");
     }
-    for (int m = 0; m < frame->matter.material_count; ++m) scatters |= frame->matter.materials[m].scatters;
     for (int i = 0; i < frame->lights.count; ++i) {
         const spsi_light *light = &frame->lights.list[i];
         if (light->extent.exists || light->projection.exists)
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, light->index, "", 0,
                                   "has an area or a projected texture, for which no bounds are known");
     }
-    if (frame->particles.set_count > 0 && frame->lights.count > 0 && scatters)
+    if (frame->particles.set_count > 0 && frame->lights.count > 0 && frame->matter.scatters)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_PARTICLES, frame->particles.sets[0].index, "",
                               0, "in light that gas scatters have no bounds: their shadows have edges");
     return SPS_OK;
@@ -28540,7 +28414,10 @@ SPS_API int sps_indexed_mesh_read(void *indexed, size_t first, size_t count, sps
 SPS_API void sps_tmap_destroy(sps_tmap *map) {
     if (!map) return;
     spsi_tmap_forget(map);
-    spsi_tmap_release(map);
+    spsi_buffer_release(map->context, &map->planes);
+    spsi_buffer_release(map->context, &map->data.texels);
+    spsi_buffer_release(map->context, &map->data.starts);
+    spsi_buffer_release(map->context, &map->data.surfaces);
     map->context->tmap_count -= 1;
     spsi_release(map->context, map);
 }

@@ -2181,6 +2181,9 @@ SPSI_COLD void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t cou
     return NULL;
 }
 
+/* Memory of `count` items of a type; NULL while a plan counts, and on failure. */
+#define SPSI_RESERVE(context, id, count, type) ((type *)spsi_reserve(context, id, count, sizeof(type)))
+
 /* Carves floats out of a memory block; if `memory` is NULL, only counts them. */
 static float *spsi_lay(float *memory, uint64_t *laid, uint64_t floats) {
     float *own = memory ? memory + *laid : NULL;
@@ -2190,7 +2193,7 @@ static float *spsi_lay(float *memory, uint64_t *laid, uint64_t floats) {
 
 /* `floats` may exceed a size_t. */
 static float *spsi_floats_reserve(sps_context *context, spsi_buffer_id id, uint64_t floats) {
-    return (float *)spsi_reserve(context, id, (size_t)(floats < SIZE_MAX ? floats : SIZE_MAX), sizeof(float));
+    return SPSI_RESERVE(context, id, (size_t)(floats < SIZE_MAX ? floats : SIZE_MAX), float);
 }
 
 SPSI_COLD int spsi_worker_count(const sps_context *context) {
@@ -5032,10 +5035,9 @@ SPSI_COLD sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *fram
         by_voxel += volume->transfer && volume->classify_voxels;
         frame->matter.light_channel_count |= !volume->transfer || volume->classify_voxels; /* 0: unclassified */
     }
-    spsi_tables tables = {
-        (spsi_table *)spsi_reserve(context, SPSI_BUFFER_TABLES, classified, sizeof(spsi_table)),
-        (spsi_glow_table *)spsi_reserve(context, SPSI_BUFFER_GLOW_TABLES, glowing, sizeof(spsi_glow_table)),
-        (spsi_material *)spsi_reserve(context, SPSI_BUFFER_CLASSIFIERS, by_voxel, sizeof(spsi_material))};
+    spsi_tables tables = {SPSI_RESERVE(context, SPSI_BUFFER_TABLES, classified, spsi_table),
+                          SPSI_RESERVE(context, SPSI_BUFFER_GLOW_TABLES, glowing, spsi_glow_table),
+                          SPSI_RESERVE(context, SPSI_BUFFER_CLASSIFIERS, by_voxel, spsi_material)};
     if (context->result) return context->result;
     for (int i = 0; i < scene->volume_count; ++i) {
         spsi_parts parts;
@@ -5094,7 +5096,7 @@ SPSI_COLD sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame
     spsi_meshes *meshes = &frame->meshes;
     size_t count = 0;
     for (int i = 0; i < scene->mesh_count; ++i) count += scene->meshes[i].triangle_count > 0;
-    meshes->list = (spsi_mesh *)spsi_reserve(context, SPSI_BUFFER_MESHES, count, sizeof(spsi_mesh));
+    meshes->list = SPSI_RESERVE(context, SPSI_BUFFER_MESHES, count, spsi_mesh);
     if (!meshes->list) return context->result;
     for (int i = 0; i < scene->mesh_count; ++i) {
         const spsi_subject at = {context, SPS_OBJECT_MESH, i, ""};
@@ -5255,7 +5257,7 @@ SPSI_COLD sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame
         count += (size_t)(2 * light->point_count + light->few_count);
     }
     if (count == 0) return SPS_OK;
-    spsi_light *points = (spsi_light *)spsi_reserve(context, SPSI_BUFFER_LIGHT_POINTS, count, sizeof(spsi_light));
+    spsi_light *points = SPSI_RESERVE(context, SPSI_BUFFER_LIGHT_POINTS, count, spsi_light);
     if (!points) return context->result;
     for (int i = 0; i < frame->lights.count; ++i) {
         spsi_light *light = &frame->lights.list[i];
@@ -5289,7 +5291,7 @@ SPSI_COLD sps_result spsi_resolve_lights(sps_context *context, spsi_frame *frame
     for (int i = 0; i < count; ++i)
         if (!spsi_black(scene->lights[i].color))
             lit += spsi_light_extended(&scene->lights[i]) ? (size_t)(1 + SPSI_TABLES_MOST) : 2;
-    lights->whole = (spsi_light *)spsi_reserve(context, SPSI_BUFFER_LIGHTS, lit, sizeof(spsi_light));
+    lights->whole = SPSI_RESERVE(context, SPSI_BUFFER_LIGHTS, lit, spsi_light);
     if (!lights->whole) return context->result;
     for (int i = 0; i < count; ++i) {
         spsi_light *light = &lights->whole[lights->whole_count];
@@ -5323,8 +5325,8 @@ SPSI_COLD int spsi_count_channels(const spsi_frame *frame) {
 /* Checks everything, but reads no data. view may be NULL. Returns NULL on failure. */
 SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene, const sps_view *view,
                                        int wants_depth) {
-    spsi_frame *frame = (spsi_frame *)spsi_reserve(context, SPSI_BUFFER_FRAME, 1, sizeof(spsi_frame));
-    spsi_content *content = (spsi_content *)spsi_reserve(context, SPSI_BUFFER_CONTENT, 1, sizeof(spsi_content));
+    spsi_frame *frame = SPSI_RESERVE(context, SPSI_BUFFER_FRAME, 1, spsi_frame);
+    spsi_content *content = SPSI_RESERVE(context, SPSI_BUFFER_CONTENT, 1, spsi_content);
     if (!frame || !content) return NULL;
     if (spsi_check_scene(context, scene) || (view && spsi_check_view(context, view))) return NULL;
     memset(frame, 0, sizeof *frame);
@@ -5707,8 +5709,7 @@ SPSI_COLD sps_result spsi_reader_open(sps_context *context, spsi_reader *reader)
     reader->context = context;
     spsi_blocks_begin(reader->medium, reader->material, reader->asks, &reader->walk);
     reader->at_once = spsi_blocks_at_once(context, reader->medium);
-    reader->list =
-        (spsi_voxels *)spsi_reserve(context, SPSI_BUFFER_BLOCKS, (size_t)reader->at_once, sizeof *reader->list);
+    reader->list = SPSI_RESERVE(context, SPSI_BUFFER_BLOCKS, (size_t)reader->at_once, spsi_voxels);
     return reader->list ? SPS_OK : context->result;
 }
 
@@ -6252,9 +6253,8 @@ SPSI_COLD sps_result spsi_gather_particles(sps_context *context, const spsi_fram
     const size_t count = frame->particles.count, colored = spsi_albedo_count(frame);
     if (frame->particles.set_count == 0) return SPS_OK;
     spsi_particle_lists lists = {
-        (sps_particle *)spsi_reserve(context, SPSI_BUFFER_PARTICLE_BATCH, spsi_batch_count(frame),
-                                     sizeof(sps_particle)),
-        (spsi_particle *)spsi_reserve(context, SPSI_BUFFER_PARTICLES, count, sizeof(spsi_particle)),
+        SPSI_RESERVE(context, SPSI_BUFFER_PARTICLE_BATCH, spsi_batch_count(frame), sps_particle),
+        SPSI_RESERVE(context, SPSI_BUFFER_PARTICLES, count, spsi_particle),
         (float(*)[3])spsi_reserve(context, SPSI_BUFFER_PARTICLE_ALBEDOS, colored, sizeof(float[3])), 0};
     if (context->result) return context->result;
     if (colored == 0) lists.albedos = NULL;
@@ -6660,10 +6660,9 @@ static size_t spsi_tree_nodes(size_t count) { return count + 2; }
 static spsi_tree_item *spsi_tree_reserve(sps_context *context, spsi_buffer_id nodes, spsi_buffer_id order, int count,
                                          spsi_tree *tree) {
     const size_t all = (size_t)count;
-    spsi_tree_item *items =
-        (spsi_tree_item *)spsi_reserve(context, SPSI_BUFFER_TREE_ITEMS, all, sizeof(spsi_tree_item));
-    tree->nodes = (spsi_tree_node *)spsi_reserve(context, nodes, spsi_tree_nodes(all), sizeof(spsi_tree_node));
-    tree->order = (int *)spsi_reserve(context, order, all, sizeof(int));
+    spsi_tree_item *items = SPSI_RESERVE(context, SPSI_BUFFER_TREE_ITEMS, all, spsi_tree_item);
+    tree->nodes = SPSI_RESERVE(context, nodes, spsi_tree_nodes(all), spsi_tree_node);
+    tree->order = SPSI_RESERVE(context, order, all, int);
     tree->count = count;
     return tree->nodes && tree->order ? items : NULL;
 }
@@ -6912,8 +6911,7 @@ static void spsi_face_add(const spsi_frame *frame, const spsi_mesh *mesh, const 
 
 SPSI_COLD sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame, const spsi_mesh *mesh,
                                       spsi_face_lists *lists) {
-    sps_triangle *triangles =
-        (sps_triangle *)spsi_reserve(context, SPSI_BUFFER_BLOCKS, SPSI_TRIANGLE_BATCH, sizeof(sps_triangle));
+    sps_triangle *triangles = SPSI_RESERVE(context, SPSI_BUFFER_BLOCKS, SPSI_TRIANGLE_BATCH, sps_triangle);
     if (!triangles) return context->result;
     for (size_t first = 0; first < mesh->given.triangle_count; first += SPSI_TRIANGLE_BATCH) {
         const size_t left = mesh->given.triangle_count - first,
@@ -6964,18 +6962,15 @@ SPSI_COLD int spsi_faces_cached(const sps_context *context, const spsi_frame *fr
 static sps_result spsi_face_textures_begin(sps_context *context, const spsi_frame *frame, spsi_face_lists *lists) {
     const spsi_meshes *meshes = &frame->meshes;
     if (meshes->textured_count == 0) return SPS_OK;
-    lists->textures = (spsi_face_texture *)spsi_reserve(context, SPSI_BUFFER_FACE_TEXTURES, meshes->textured_count,
-                                                        sizeof *lists->textures);
-    lists->meshes =
-        (spsi_mesh_faces *)spsi_reserve(context, SPSI_BUFFER_MESH_FACES, (size_t)meshes->count, sizeof *lists->meshes);
+    lists->textures = SPSI_RESERVE(context, SPSI_BUFFER_FACE_TEXTURES, meshes->textured_count, spsi_face_texture);
+    lists->meshes = SPSI_RESERVE(context, SPSI_BUFFER_MESH_FACES, (size_t)meshes->count, spsi_mesh_faces);
     return context->result;
 }
 
 SPSI_COLD sps_result spsi_read_faces(sps_context *context, const spsi_frame *frame) {
     spsi_face_lists lists;
     memset(&lists, 0, sizeof lists);
-    lists.faces =
-        (spsi_face *)spsi_reserve(context, SPSI_BUFFER_FACES, frame->meshes.triangle_count, sizeof(spsi_face));
+    lists.faces = SPSI_RESERVE(context, SPSI_BUFFER_FACES, frame->meshes.triangle_count, spsi_face);
     if (!lists.faces || spsi_face_textures_begin(context, frame, &lists)) return context->result;
     for (int i = 0; i < frame->meshes.count; ++i) {
         const int textures = lists.texture_count - lists.face_count;
@@ -7858,12 +7853,12 @@ SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *f
                                "the camera cannot tell samples apart");
     job.scratch = (char *)spsi_reserve(context, SPSI_BUFFER_LAYER_SAMPLES, (size_t)spsi_worker_count(context),
                                        spsi_layer_scratch_bytes(eye, job.samples));
-    job.first = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_LAYER_STARTS, spsi_ray_count(eye) + 2, sizeof *job.first);
+    job.first = SPSI_RESERVE(context, SPSI_BUFFER_LAYER_STARTS, spsi_ray_count(eye) + 2, uint32_t);
     if (!job.scratch || !job.first) return context->result; /* further sizes depend on visibility and are not planned */
     layers->count = spsi_fragments_count(context, &job);
     if (spsi_progress(context, 0)) return context->result;
-    job.fragments = (spsi_fragment *)spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, layers->count, sizeof *job.fragments);
-    job.layers = (spsi_layer *)spsi_reserve(context, SPSI_BUFFER_LAYERS, layers->count, sizeof *job.layers);
+    job.fragments = SPSI_RESERVE(context, SPSI_BUFFER_FRAGMENTS, layers->count, spsi_fragment);
+    job.layers = SPSI_RESERVE(context, SPSI_BUFFER_LAYERS, layers->count, spsi_layer);
     if (!job.fragments || !job.layers) return context->result;
     spsi_fragments_pass(context, &job, 1);
     if (spsi_progress(context, 0)) return context->result;
@@ -8104,8 +8099,8 @@ SPSI_COLD sps_result spsi_textures(sps_context *context, const spsi_frame *frame
     spsi_surface_batch *batch;
     visible->set = NULL;
     if (frame->meshes.textured_count == 0 || faces->count == 0) return SPS_OK;
-    sps_surface *out = (sps_surface *)spsi_reserve(context, SPSI_BUFFER_SURFACES, places, sizeof *out);
-    batch = (spsi_surface_batch *)spsi_reserve(context, SPSI_BUFFER_SURFACE_BATCH, 1, sizeof *batch);
+    sps_surface *out = SPSI_RESERVE(context, SPSI_BUFFER_SURFACES, places, sps_surface);
+    batch = SPSI_RESERVE(context, SPSI_BUFFER_SURFACE_BATCH, 1, spsi_surface_batch);
     if (!out || !batch) return context->result;
     for (size_t i = 0; i < places; ++i) out[i].albedo[0] = -1; /* nothing set */
     batch->frame = frame;
@@ -12812,7 +12807,7 @@ SPSI_COLD int *spsi_pyramid_lay(spsi_pyramid_level *field, int reaches, int *mem
 SPSI_COLD sps_result spsi_pyramids_place(sps_context *context, const spsi_frame *frame) {
     const int taps = spsi_taps_wanted(frame);
     if (!spsi_pyramids_wanted(frame)) return SPS_OK;
-    spsi_pyramid *fields = (spsi_pyramid *)spsi_reserve(context, SPSI_BUFFER_PYRAMIDS, 1, sizeof *fields);
+    spsi_pyramid *fields = SPSI_RESERVE(context, SPSI_BUFFER_PYRAMIDS, 1, spsi_pyramid);
     if (!fields) return context->result;
     frame->content->fields = fields;
     if (context->pyramids_cached == spsi_pyramids_wanted(frame)) return SPS_OK;
@@ -12820,8 +12815,7 @@ SPSI_COLD sps_result spsi_pyramids_place(sps_context *context, const spsi_frame 
     fields->filled = fields->leveled = 0;
     fields->bent = 0;
     spsi_pyramids_weigh(fields, taps);
-    int *memory = (int *)spsi_reserve(context, SPSI_BUFFER_PYRAMID_GRIDS, spsi_pyramids_begin(context, frame, fields),
-                                      sizeof(int));
+    int *memory = SPSI_RESERVE(context, SPSI_BUFFER_PYRAMID_GRIDS, spsi_pyramids_begin(context, frame, fields), int);
     if (!memory) return context->result;
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_pyramid_level *field = fields->levels[m];
@@ -12872,8 +12866,8 @@ SPSI_COLD sps_result spsi_levels_store(sps_context *context, const spsi_frame *f
     for (int m = 0; m < frame->medium_count; ++m)
         for (int n = first; n <= spsi_levels_cached(frame, m, last); ++n)
             bricks += (size_t)spsi_pyramid_job_of(context, frame, m, n).field->count;
-    spsi_pyramid_brick *stored = (spsi_pyramid_brick *)spsi_reserve(
-        context, first ? SPSI_BUFFER_LEVEL_STORED : SPSI_BUFFER_PYRAMID_STORED, bricks, sizeof *stored);
+    spsi_pyramid_brick *stored = SPSI_RESERVE(context, first ? SPSI_BUFFER_LEVEL_STORED : SPSI_BUFFER_PYRAMID_STORED,
+                                              bricks, spsi_pyramid_brick);
     if (!stored) return context->result;
     for (int m = 0; m < frame->medium_count; ++m)
         for (int n = first; n <= spsi_levels_cached(frame, m, last); ++n) {
@@ -12883,8 +12877,7 @@ SPSI_COLD sps_result spsi_levels_store(sps_context *context, const spsi_frame *f
             spsi_pyramid_list(&job);
             floats = spsi_pyramid_place_planes(job.taps, job.field, floats);
         }
-    float *values = (float *)spsi_reserve(
-        context, first ? SPSI_BUFFER_LEVEL_VALUES : SPSI_BUFFER_PYRAMID_VALUES, floats, sizeof *values);
+    float *values = SPSI_RESERVE(context, first ? SPSI_BUFFER_LEVEL_VALUES : SPSI_BUFFER_PYRAMID_VALUES, floats, float);
     if (!values) return context->result;
     memset(values, 0, empty * sizeof *values);
     for (int m = 0; m < frame->medium_count; ++m)
@@ -12911,7 +12904,7 @@ SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *fr
     for (int m = 0; m < frame->medium_count; ++m)
         for (int n = 1; n <= spsi_levels_cached(frame, m, levels); ++n)
             ints += spsi_pyramid_cells(&fields->levels[m][n]) * spsi_pyramid_ints(frame, m);
-    int *memory = (int *)spsi_reserve(context, SPSI_BUFFER_LEVEL_GRIDS, ints, sizeof(int));
+    int *memory = SPSI_RESERVE(context, SPSI_BUFFER_LEVEL_GRIDS, ints, int);
     if (!memory) return context->result;
     for (int m = 0; m < frame->medium_count; ++m)
         for (int n = 1; n <= spsi_levels_cached(frame, m, levels); ++n) {
@@ -12994,7 +12987,7 @@ typedef struct spsi_queue {
 static sps_result spsi_queue_reserve(sps_context *context, spsi_buffer_id id, int count, int chunks,
                                      spsi_queue *queue) {
     queue->count = count;
-    queue->order = (int *)spsi_reserve(context, id, 3 * (size_t)count + 2 * ((size_t)chunks + 1), sizeof(int));
+    queue->order = SPSI_RESERVE(context, id, 3 * (size_t)count + 2 * ((size_t)chunks + 1), int);
     if (!queue->order) return context->result;
     queue->present = queue->order + count;
     queue->starts = queue->present + count;
@@ -14694,7 +14687,7 @@ SPSI_COLD sps_result spsi_fill_band(spsi_filling *filling, spsi_visit visit) {
 SPSI_COLD sps_result spsi_fill_sums(spsi_filling *filling) {
     const sps_tmap *map = filling->map;
     const size_t floats = spsi_band_floats(map, map->inner.components + 2 * map->has_range);
-    filling->band.ranges = (float *)spsi_reserve(filling->context, SPSI_BUFFER_BAND, floats, sizeof(float));
+    filling->band.ranges = SPSI_RESERVE(filling->context, SPSI_BUFFER_BAND, floats, float);
     if (!filling->band.ranges) return filling->context->result;
     filling->band.sums = filling->band.ranges + (map->has_range ? spsi_band_floats(map, 2) : 0);
     if (map->has_range && spsi_fill_band(filling, SPSI_VISIT_RANGE)) return filling->context->result;
@@ -14708,7 +14701,7 @@ SPSI_COLD sps_result spsi_fill_sums(spsi_filling *filling) {
 SPSI_COLD sps_result spsi_fill_lists(spsi_filling *filling) {
     sps_context *context = filling->context;
     const size_t texels = (size_t)filling->map->grid.rays[0].width * (size_t)spsi_filling_height(filling);
-    filling->band.starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_CURSORS, 2 * texels + 1, sizeof(uint32_t));
+    filling->band.starts = SPSI_RESERVE(context, SPSI_BUFFER_CURSORS, 2 * texels + 1, uint32_t);
     if (!filling->band.starts) return context->result;
     filling->band.cursors = filling->band.starts + texels + 1;
     memset(filling->band.cursors, 0, texels * sizeof *filling->band.cursors);
@@ -14723,8 +14716,7 @@ SPSI_COLD sps_result spsi_fill_lists(spsi_filling *filling) {
     if (sum > INT32_MAX)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "intervals in 64 rows", (double)sum,
                                "2^31 - 1 fit at most");
-    filling->band.intervals =
-        (spsi_interval *)spsi_reserve(context, SPSI_BUFFER_BAND, (size_t)sum, sizeof(spsi_interval));
+    filling->band.intervals = SPSI_RESERVE(context, SPSI_BUFFER_BAND, (size_t)sum, spsi_interval);
     if (!filling->band.intervals) return context->result;
     return spsi_fill_band(filling, SPSI_VISIT_LIST);
 }
@@ -14943,8 +14935,8 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     const size_t count = (size_t)occluders->frame->content->particle_count;
     spsi_sphere_job job = {rays, map->grid.face_count > 1 ? map->grid.rays : NULL, occluders->frame, NULL};
     if (count == 0) return SPS_OK;
-    job.spheres = (spsi_sphere *)spsi_reserve(context, SPSI_BUFFER_SPHERES, count, sizeof(spsi_sphere));
-    uint32_t *starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_SPHERE_STARTS, tiles + 1, sizeof *starts);
+    job.spheres = SPSI_RESERVE(context, SPSI_BUFFER_SPHERES, count, spsi_sphere);
+    uint32_t *starts = SPSI_RESERVE(context, SPSI_BUFFER_SPHERE_STARTS, tiles + 1, uint32_t);
     if (!job.spheres || !starts) return context->result;
     spsi_parallel_batches(context, occluders->frame->content->particle_count, spsi_spheres_task, &job);
     spsi_spheres_outside(map, rays, job.spheres, count);
@@ -14955,7 +14947,7 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     occluders->tile_spheres = NULL;
     if (sum > SPSI_SPHERE_TILES * (uint64_t)(count + tiles) || sum > UINT32_MAX) return SPS_OK;
     const size_t ordered = map->technique->lists ? count : 0;
-    uint32_t *list = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_SPHERE_LIST, (size_t)sum + ordered, sizeof *list);
+    uint32_t *list = SPSI_RESERVE(context, SPSI_BUFFER_SPHERE_LIST, (size_t)sum + ordered, uint32_t);
     if (!list) return context->result;
     if (ordered > 0) spsi_spheres_order(map, job.spheres, count, list + sum);
     spsi_spheres_into_tiles(job.spheres, ordered > 0 ? list + sum : NULL, count, tiles_x, starts, list);
@@ -15131,8 +15123,7 @@ SPSI_COLD sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     spsi_filling filling;
     int has_surfaces = 0;
     if (context->brick_count > 0 && occluders->frame->medium_count > 0 && occluders->frame->matter.extinguishes) {
-        occluders->volumes =
-            (spsi_map_volumes *)spsi_reserve(context, SPSI_BUFFER_TMAP_VOLUMES, 1, sizeof(spsi_map_volumes));
+        occluders->volumes = SPSI_RESERVE(context, SPSI_BUFFER_TMAP_VOLUMES, 1, spsi_map_volumes);
         if (!occluders->volumes) return context->result;
     }
     for (int i = 0; i < occluders->faces.count; ++i)
@@ -15847,8 +15838,7 @@ SPSI_COLD sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *f
     penumbra->tiles_x = spsi_tile_columns(penumbra->rays);
     penumbra->tiles_y = spsi_tile_rows(penumbra->rays);
     penumbra->beam_count = light->point_count;
-    penumbra->beams =
-        (spsi_beam *)spsi_reserve(context, SPSI_BUFFER_BEAMS, (size_t)penumbra->beam_count, sizeof *penumbra->beams);
+    penumbra->beams = SPSI_RESERVE(context, SPSI_BUFFER_BEAMS, (size_t)penumbra->beam_count, spsi_beam);
     for (int i = 0; i < light->point_count && penumbra->beams; ++i)
         if (!spsi_beam_aim(frame, sweep, &light->points[i], &penumbra->beams[i]))
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, light->index, "", 0,
@@ -17220,10 +17210,10 @@ SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const sp
     if (count == 0) return SPS_OK;
     for (int i = 0; i < count; ++i) map_count += (size_t)(shadows[i].soft ? shadows[i].light->point_count : 1);
     spsi_translucency_map *maps =
-        (spsi_translucency_map *)spsi_reserve(context, SPSI_BUFFER_TRANSLUCENCY_MAPS, map_count, sizeof *maps);
+        SPSI_RESERVE(context, SPSI_BUFFER_TRANSLUCENCY_MAPS, map_count, spsi_translucency_map);
     if (!maps) return context->result;
     const size_t floats = spsi_translucency_maps_aim(frame, shadows, count, maps, NULL);
-    float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_TRANSLUCENCY_TEXELS, floats, sizeof(float));
+    float *memory = SPSI_RESERVE(context, SPSI_BUFFER_TRANSLUCENCY_TEXELS, floats, float);
     for (size_t i = 0; i < SPSI_CUBE_FACES * map_count; ++i) {
         const spsi_depth_map *grid = &maps[i / SPSI_CUBE_FACES].grid;
         const int face = (int)(i % SPSI_CUBE_FACES);
@@ -17240,7 +17230,7 @@ SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const sp
             most = maps[i].counts[face] > most ? maps[i].counts[face] : most;
         }
     spsi_translucent_plane *translucent =
-        (spsi_translucent_plane *)spsi_reserve(context, SPSI_BUFFER_TRANSLUCENT_PLANES, sum, sizeof *translucent);
+        SPSI_RESERVE(context, SPSI_BUFFER_TRANSLUCENT_PLANES, sum, spsi_translucent_plane);
     if (!translucent || !spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, most, sizeof(spsi_fragment)))
         return context->result;
     for (size_t i = 0; i < map_count; ++i) {
@@ -17292,8 +17282,7 @@ SPSI_COLD sps_result spsi_shadow_tables_build(sps_context *context, const spsi_f
     if (mapped == 0 || spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
     sweep->progress += part.share;
     sweep->share -= part.share;
-    spsi_shadow_table *next =
-        (spsi_shadow_table *)spsi_reserve(context, SPSI_BUFFER_LIGHT_TMAPS, (size_t)mapped, sizeof *next);
+    spsi_shadow_table *next = SPSI_RESERVE(context, SPSI_BUFFER_LIGHT_TMAPS, (size_t)mapped, spsi_shadow_table);
     if (!next) return context->result;
     part.share /= mapped;
     const uint64_t gas = spsi_has_shadow_tables(frame) ? spsi_gas_fingerprint(frame) : 0;
@@ -17463,8 +17452,7 @@ SPSI_COLD sps_result spsi_forward_tables(sps_context *context, spsi_frame *frame
     const int stays = spsi_convolves(frame);
     spsi_forward *forward;
     if (!spsi_scatters_forward(frame)) return SPS_OK;
-    forward = (spsi_forward *)spsi_reserve(context, SPSI_BUFFER_FORWARD, (size_t)frame->matter.material_count,
-                                           sizeof *forward);
+    forward = SPSI_RESERVE(context, SPSI_BUFFER_FORWARD, (size_t)frame->matter.material_count, spsi_forward);
     if (!forward) return context->result;
     for (int i = 0; i < frame->matter.material_count; ++i) {
         spsi_material *material = &frame->matter.materials[i];
@@ -19175,9 +19163,9 @@ static sps_result spsi_flights_begin(sps_context *context, const spsi_cell_grid 
         all += most[i];
         nodes += spsi_tree_nodes(most[i]);
     }
-    tree.emitters = (spsi_emitter *)spsi_reserve(context, SPSI_BUFFER_EMITTERS, all, sizeof(spsi_emitter));
-    tree.nodes = (spsi_flight_node *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_NODES, nodes, sizeof(spsi_flight_node));
-    tree.order = (int *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_ORDER, all, sizeof(int));
+    tree.emitters = SPSI_RESERVE(context, SPSI_BUFFER_EMITTERS, all, spsi_emitter);
+    tree.nodes = SPSI_RESERVE(context, SPSI_BUFFER_FLIGHT_NODES, nodes, spsi_flight_node);
+    tree.order = SPSI_RESERVE(context, SPSI_BUFFER_FLIGHT_ORDER, all, int);
     if (!tree.emitters || !tree.nodes || !tree.order) return context->result;
     for (int k = 0; k < 3; ++k) tree.centre[k] = grids->corner[k] + 0.5 * grids->edge * grids->size[k];
     tree.grids = grids;
@@ -19440,7 +19428,7 @@ static sps_result spsi_flights_build(sps_context *context, spsi_tree_item *items
     memset(&tree, 0, sizeof tree);
     tree.count = flights->count;
     tree.order = flights->order;
-    tree.nodes = (spsi_tree_node *)spsi_reserve(context, SPSI_BUFFER_FLIGHT_TREE, nodes, sizeof(spsi_tree_node));
+    tree.nodes = SPSI_RESERVE(context, SPSI_BUFFER_FLIGHT_TREE, nodes, spsi_tree_node);
     if (!tree.nodes || spsi_tree_build(context, &tree, items)) return context->result;
     if (tree.count > 0) spsi_flights_sum(&tree, flights, 0);
     for (int k = 0; k < 3 && tree.count > 0; ++k) {
@@ -21241,9 +21229,9 @@ static void spsi_receive_task(void *data, int index, int worker) {
 
 static int spsi_receive_reserve(sps_context *context, const spsi_frame *frame, spsi_receive_job *job) {
     const size_t floats = spsi_ray_count(&frame->content->eye) * (size_t)frame->channels;
-    job->received = (float *)spsi_reserve(context, SPSI_BUFFER_RECEIVED, floats, sizeof(float));
-    job->tiles = (spsi_receive_tile *)spsi_reserve(context, SPSI_BUFFER_RECEIVE_TILES,
-                                                   (size_t)spsi_worker_count(context), sizeof *job->tiles);
+    job->received = SPSI_RESERVE(context, SPSI_BUFFER_RECEIVED, floats, float);
+    job->tiles =
+        SPSI_RESERVE(context, SPSI_BUFFER_RECEIVE_TILES, (size_t)spsi_worker_count(context), spsi_receive_tile);
     return job->received && job->tiles;
 }
 
@@ -22943,8 +22931,8 @@ static sps_result spsi_cells_emitters(const spsi_cell_job *job) {
     most[SPSI_FLIGHTS_SPOTS] +=
         (size_t)(covered > 0 ? frame->view.scattering_resolution * frame->view.scattering_resolution : 0);
     most[SPSI_FLIGHTS_CELLS] = spsi_emitting_cells(frame);
-    items[0] = (spsi_tree_item *)spsi_reserve(job->context, SPSI_BUFFER_TREE_ITEMS,
-                                              most[0] + most[1] + most[2] + most[3], sizeof **items);
+    items[0] =
+        SPSI_RESERVE(job->context, SPSI_BUFFER_TREE_ITEMS, most[0] + most[1] + most[2] + most[3], spsi_tree_item);
     if (!items[0] || spsi_flights_begin(job->context, job->grid, job->grid_count, most, trees))
         return job->context->result;
     for (int i = 1; i < SPSI_FLIGHT_TREES; ++i) items[i] = items[i - 1] + most[i - 1];
@@ -23008,14 +22996,13 @@ SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage 
     spsi_cell_directions(job->directions);
     if (job->faces->count > 0) {
         const size_t cells = job->grid->count;
-        job->walls = (spsi_cell_wall *)spsi_reserve(context, SPSI_BUFFER_CELL_WALLS, cells, sizeof *job->walls);
+        job->walls = SPSI_RESERVE(context, SPSI_BUFFER_CELL_WALLS, cells, spsi_cell_wall);
         if (!job->walls) return context->result;
         memset(job->walls, 0, cells * sizeof *job->walls);
     }
     if (count == 0 && !job->walls) return job->grid->pyramid ? spsi_cells_fly_to(job) : SPS_OK;
-    job->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *job->shadows);
-    tables =
-        (spsi_shadow_table *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *tables);
+    job->shadows = SPSI_RESERVE(context, SPSI_BUFFER_SHADOWS, (size_t)count, spsi_shadow);
+    tables = SPSI_RESERVE(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, spsi_shadow_table);
     if (!job->shadows || !tables) return context->result;
     if (!job->later) memset(job->shadows, 0, (size_t)count * sizeof *job->shadows);
     for (int i = 0; i < count; ++i) /* waiting tables were made for an earlier grid */
@@ -23125,7 +23112,7 @@ SPSI_COLD sps_result spsi_cell_solver_build(sps_context *context, const spsi_cel
     spsi_cell_directions(solver->directions);
     spsi_cell_rays_build(&solver->rays);
     size_t floats = spsi_cell_solver_size(grid, solver);
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_SOLVER, floats, sizeof(float));
+    memory = SPSI_RESERVE(context, SPSI_BUFFER_CELL_SOLVER, floats, float);
     if (!memory) return context->result;
     solver->balance = (double *)(void *)memory;
     memory += 4 * grid->size[2];
@@ -23669,8 +23656,8 @@ SPSI_COLD sps_result spsi_cells_begin(sps_context *context, const spsi_frame *fr
                                       const spsi_bounds *bounds, const spsi_call_stage *part, spsi_cell_grid *grid,
                                       spsi_cell_job **begun) {
     const size_t channels = (size_t)grid->channels, floats = spsi_cell_job_floats(frame, grid) * grid->count;
-    spsi_cell_job *job = (spsi_cell_job *)spsi_reserve(context, SPSI_BUFFER_CELL_JOB, 1, sizeof *job);
-    float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELLS, floats, sizeof(float));
+    spsi_cell_job *job = SPSI_RESERVE(context, SPSI_BUFFER_CELL_JOB, 1, spsi_cell_job);
+    float *memory = SPSI_RESERVE(context, SPSI_BUFFER_CELLS, floats, float);
     const size_t cells = (size_t)(grid->pitch * grid->size[1] * grid->size[2]);
     *begun = job;
     if (!job || !memory) return context->result;
@@ -23701,7 +23688,7 @@ SPSI_COLD sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *
     size_t floats = 0;
     float *memory;
     for (int n = 0; n < count; ++n) floats += spsi_cell_grid_lay_out(frame, &grids[n], NULL);
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_MOMENTS, floats, sizeof(float));
+    memory = SPSI_RESERVE(context, SPSI_BUFFER_CELL_MOMENTS, floats, float);
     if (!memory) return context->result;
     for (int n = 0; n < count; ++n) {
         memory += spsi_cell_grid_lay_out(frame, &grids[n], memory);
@@ -23828,10 +23815,8 @@ SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *fra
 static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                   const spsi_call_stage *part) {
     const double start = spsi_clock(context);
-    spsi_cell_grid *grids =
-        (spsi_cell_grid *)spsi_reserve(context, SPSI_BUFFER_CELL_GRID, SPSI_CELL_GRIDS, sizeof *grids);
-    spsi_flights *flights =
-        (spsi_flights *)spsi_reserve(context, SPSI_BUFFER_FLIGHTS, SPSI_FLIGHT_TREES, sizeof *flights);
+    spsi_cell_grid *grids = SPSI_RESERVE(context, SPSI_BUFFER_CELL_GRID, SPSI_CELL_GRIDS, spsi_cell_grid);
+    spsi_flights *flights = SPSI_RESERVE(context, SPSI_BUFFER_FLIGHTS, SPSI_FLIGHT_TREES, spsi_flights);
     spsi_groups groups;
     frame->content->cells = NULL;
     if (!grids || !flights) return context->result;
@@ -24151,9 +24136,9 @@ SPSI_COLD size_t spsi_spread_job_begin(const spsi_frame *frame, spsi_spread *spr
 
 SPSI_COLD sps_result spsi_spreads_make(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                        const spsi_spreads *spreads, const spsi_call_stage *part) {
-    spsi_spread_job *job = (spsi_spread_job *)spsi_reserve(context, SPSI_BUFFER_CELL_JOB, 1, sizeof *job);
+    spsi_spread_job *job = SPSI_RESERVE(context, SPSI_BUFFER_CELL_JOB, 1, spsi_spread_job);
     const size_t count = (size_t)spreads->count;
-    spsi_shadow *shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, count, sizeof *shadows);
+    spsi_shadow *shadows = SPSI_RESERVE(context, SPSI_BUFFER_SHADOWS, count, spsi_shadow);
     spsi_call_stage each = *part;
     if (!job || !shadows) return context->result;
     memset(shadows, 0, count * sizeof *shadows);
@@ -24167,8 +24152,7 @@ SPSI_COLD sps_result spsi_spreads_make(sps_context *context, const spsi_frame *f
         spsi_call_stage face = each;
         float *memory;
         memset(job, 0, sizeof *job);
-        memory =
-            (float *)spsi_reserve(context, SPSI_BUFFER_CELLS, spsi_spread_job_begin(frame, spread, job), sizeof(float));
+        memory = SPSI_RESERVE(context, SPSI_BUFFER_CELLS, spsi_spread_job_begin(frame, spread, job), float);
         if (!memory) return context->result;
         job->context = context;
         job->frame = frame;
@@ -24195,7 +24179,7 @@ SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *
     float *memory;
     if (!spsi_holds_gas(context, frame) || spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
     int held = spsi_scattered_take(context, key);
-    spreads->list = (spsi_spread *)spsi_reserve(context, SPSI_BUFFER_CELL_GRID, count, sizeof *spreads->list);
+    spreads->list = SPSI_RESERVE(context, SPSI_BUFFER_CELL_GRID, count, spsi_spread);
     if (!spreads->list) return context->result;
     memset(spreads->list, 0, count * sizeof *spreads->list);
     for (int i = 0; i < frame->lights.count; ++i) {
@@ -24205,7 +24189,7 @@ SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *
         spreads->count += 1;
         floats += spsi_spread_floats(spread);
     }
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_MOMENTS, floats, sizeof(float));
+    memory = SPSI_RESERVE(context, SPSI_BUFFER_CELL_MOMENTS, floats, float);
     if (!memory) return context->result;
     for (int i = 0; i < spreads->count; ++i) {
         spsi_spread *spread = &spreads->list[i];
@@ -25209,7 +25193,7 @@ SPSI_COLD sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *f
     const size_t pixels = spsi_ray_count(&frame->content->eye);
     memset(visible, 0, sizeof *visible);
     if (faces->count == 0) return SPS_OK;
-    spsi_hit *hits = (spsi_hit *)spsi_reserve(context, SPSI_BUFFER_EYE_FACES, pixels, sizeof(spsi_hit));
+    spsi_hit *hits = SPSI_RESERVE(context, SPSI_BUFFER_EYE_FACES, pixels, spsi_hit);
     if (!hits) return context->result;
     visible->hits = hits;
     spsi_rasterise(context, faces, &frame->content->eye, hits, NULL, NULL);
@@ -25268,7 +25252,7 @@ SPSI_COLD sps_result spsi_shadows_begin(sps_context *context, const spsi_sweep *
     const int count = spsi_sweep_shadow_count(frame, n);
     const size_t places = spsi_shading_point_count(frame, &picture->visible);
     int bytes = 0;
-    spsi_shadow *shadow = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *shadow);
+    spsi_shadow *shadow = SPSI_RESERVE(context, SPSI_BUFFER_SHADOWS, (size_t)count, spsi_shadow);
     if (!shadow) return context->result;
     memset(shadow, 0, (size_t)count * sizeof *shadow);
     picture->shadows = shadow;
@@ -25447,7 +25431,7 @@ SPSI_COLD sps_result spsi_plan_pyramids(sps_context *context, const spsi_frame *
     if (!spsi_pyramids_wanted(frame)) return SPS_OK;
     if (reading->held) return spsi_pyramids_place(context, frame);
     context->pyramids_cached = 0; /* replaced by estimates */
-    spsi_pyramid *fields = (spsi_pyramid *)spsi_reserve(context, SPSI_BUFFER_PYRAMIDS, 1, sizeof *fields);
+    spsi_pyramid *fields = SPSI_RESERVE(context, SPSI_BUFFER_PYRAMIDS, 1, spsi_pyramid);
     if (!fields) return context->result;
     frame->content->fields = fields;
     fields->taps = spsi_taps_wanted(frame);
@@ -26796,7 +26780,7 @@ SPSI_COLD sps_result spsi_march_grids(sps_context *context, const spsi_frame *fr
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_SCENE, -1, "volumes' number of voxels",
                                (double)floats,
                                "sps_reference holds all of them, and they are more than memory can have");
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_VALUES, floats + 1, sizeof(float));
+    memory = SPSI_RESERVE(context, SPSI_BUFFER_REFERENCE_VALUES, floats + 1, float);
     if (!memory) return context->result;
     spsi_grids_lay_out(frame, memory, marcher->grids);
     for (int i = 0; i < frame->medium_count; ++i)
@@ -26839,13 +26823,12 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
     spsi_eye_reference(frame);
     marcher->samples = (spsi_sample *)spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES, marcher->part_count,
                                                            sizeof *marcher->samples);
-    marcher->walkers = (spsi_walker *)spsi_reserve(context, SPSI_BUFFER_WALKERS, pixels, sizeof *marcher->walkers);
+    marcher->walkers = SPSI_RESERVE(context, SPSI_BUFFER_WALKERS, pixels, spsi_walker);
     if (!marcher->samples || !marcher->walkers) return context->result;
     memset(marcher->walkers, 0, pixels * sizeof *marcher->walkers);
     marcher->side = spsi_imax(1, frame->view.coverage_samples);
     if (faces->textures) {
-        marcher->hits = (spsi_hit *)spsi_reserve(context, SPSI_BUFFER_EYE_FACES, spsi_ray_count(&frame->content->eye),
-                                                 sizeof *marcher->hits);
+        marcher->hits = SPSI_RESERVE(context, SPSI_BUFFER_EYE_FACES, spsi_ray_count(&frame->content->eye), spsi_hit);
         if (!marcher->hits) return context->result;
     }
     if (spsi_faces_tree(context, faces)) return context->result;
@@ -27671,7 +27654,7 @@ SPSI_COLD sps_result spsi_emission_grids(sps_context *context, spsi_marcher *mar
     for (int m = 0; m < frame->medium_count; ++m)
         if (spsi_material_of(frame, m)->glow)
             count += spsi_dense_rows(&marcher->grids[m]) * (size_t)marcher->grids[m].size[0];
-    means = (float *)spsi_reserve(context, SPSI_BUFFER_EMISSION_MEANS, count, sizeof *means);
+    means = SPSI_RESERVE(context, SPSI_BUFFER_EMISSION_MEANS, count, float);
     if (!means) return context->result;
     for (int m = 0; m < frame->medium_count; ++m) {
         const spsi_material *material = spsi_material_of(frame, m);
@@ -27695,7 +27678,7 @@ static sps_result spsi_emission_build(sps_context *context, spsi_marcher *marche
     if (spsi_emission_grids(context, marcher)) return context->result;
     for (int m = 0; m < frame->medium_count; ++m) count += spsi_dense_rows(&marcher->grids[m]);
     marcher->glow_count = count;
-    marcher->glow = sums = (double *)spsi_reserve(context, SPSI_BUFFER_EMISSION, count + 1, sizeof *sums);
+    marcher->glow = sums = SPSI_RESERVE(context, SPSI_BUFFER_EMISSION, count + 1, double);
     if (!sums) return context->result;
     for (int m = 0; m < frame->medium_count; ++m) {
         const double glow = spsi_emission_of(spsi_material_of(frame, m)) * frame->media[m].lattice->voxel_volume;
@@ -28061,7 +28044,7 @@ SPSI_COLD sps_result spsi_reference_frame(sps_context *context, const spsi_frame
                                           const sps_reference_settings *settings, const sps_image *image) {
     spsi_faces faces;
     if (spsi_check_reference(context, settings)) return context->result;
-    spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));
+    spsi_marcher *marcher = SPSI_RESERVE(context, SPSI_BUFFER_MARCHER, 1, spsi_marcher);
     if (!marcher) return context->result;
     memset(marcher, 0, sizeof *marcher);
     marcher->settings = settings;

@@ -4843,12 +4843,6 @@ SPSI_COLD int spsi_table_colors(const spsi_table *table, float albedo[3]) {
     return uniform ? 0 : grey ? 1 : 3;
 }
 
-SPSI_COLD int spsi_glow_colors(spsi_glow_table *glow) {
-    int grey = 1;
-    for (int i = 0; i <= SPSI_TABLE_SIZE && glow; ++i) grey &= spsi_grey((*glow)[i]);
-    return !glow ? 0 : grey ? 1 : 3;
-}
-
 /* What a volume's media have in common. */
 typedef struct spsi_parts {
     spsi_material material;    /* the values' */
@@ -4875,7 +4869,10 @@ SPSI_COLD sps_result spsi_parts_classified(sps_context *context, const sps_volum
     parts->colors = parts->unit > 0 ? spsi_table_colors(table, albedo) : 0;
     for (int c = 0; c < 3 && parts->colors > 0; ++c) albedo[c] = 1;
     parts->values = parts->unit > 0;
-    parts->glows = spsi_glow_colors(parts->classifier->glow);
+    int grey = 1;
+    for (int i = 0; i <= SPSI_TABLE_SIZE && parts->classifier->glow; ++i)
+        grey &= spsi_grey((*parts->classifier->glow)[i]);
+    parts->glows = !parts->classifier->glow ? 0 : grey ? 1 : 3;
     spsi_material_gas(parts->unit, albedo, black, &parts->material);
     parts->material.table_scale = SPSI_TABLE_SIZE; /* values are 0..1 */
     return SPS_OK;
@@ -9773,17 +9770,6 @@ SPSI_COLD int spsi_subslab_meets(const int part[4], const int region[4]) {
            part[3] > region[1];
 }
 
-SPSI_COLD void spsi_subslab_direction(const spsi_rays *eye, double direction[3]) {
-    memset(direction, 0, 3 * sizeof *direction);
-    for (int corner = 0; corner < 4; ++corner) {
-        double ray[3];
-        spsi_ray_direction(eye, corner & 1 ? eye->width - 1 : 0, corner & 2 ? eye->height - 1 : 0, ray);
-        spsi_normalise(ray);
-        spsi_along(direction, ray, 1, direction);
-    }
-    spsi_normalise(direction);
-}
-
 SPSI_COLD void spsi_sweep_clear(const spsi_frame *frame, const spsi_light *light, int part, spsi_sweep *sweep) {
     double *corner = frame->content->eye.perspective ? sweep->eye.c : sweep->eye.origin;
     memset(sweep, 0, sizeof *sweep);
@@ -9901,7 +9887,15 @@ SPSI_COLD int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi
 SPSI_COLD int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
     double eye[3], axis[3];
     if (!sweep->light && spsi_subslab_count(frame) > 1) {
-        spsi_subslab_direction(&sweep->eye, eye);
+        memset(eye, 0, 3 * sizeof *eye);
+        for (int corner = 0; corner < 4; ++corner) {
+            double ray[3];
+            spsi_ray_direction(&sweep->eye, corner & 1 ? sweep->eye.width - 1 : 0,
+                               corner & 2 ? sweep->eye.height - 1 : 0, ray);
+            spsi_normalise(ray);
+            spsi_along(eye, ray, 1, eye);
+        }
+        spsi_normalise(eye);
         return spsi_sweep_turn(frame, eye, sweep);
     }
     spsi_eye_direction(frame, eye);
@@ -10791,17 +10785,6 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
             if (bits >> print.lane & 1) spsi_splat_footprint(&print);
         if (near_bits) spsi_splat_near_voxels(tile, s, q, slab, value, near_bits, channel);
     }
-}
-
-static void spsi_brick_origin_build(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_rays *rays,
-                                    const spsi_slabs *slabs, int first_slab, spsi_brick_origin *origin) {
-    double at[3], point[3], q[3];
-    for (int i = 0; i < 3; ++i) at[i] = brick->base[i] + 0.5;
-    spsi_voxel_position(lattice, at, point);
-    spsi_point_to_rays(rays, point, q);
-    for (int i = 0; i < 3; ++i) origin->q[i] = (float)q[i];
-    origin->depth = (float)(q[2] - rays->depth_reference);
-    origin->slab = (float)(spsi_slab_at(slabs, point) - first_slab);
 }
 
 /* --- small voxels ---
@@ -12537,14 +12520,6 @@ SPSI_COLD int spsi_levels_wanted(const spsi_frame *frame, int medium) {
     return frame->view.quality > SPS_QUALITY_MEDIUM && longest > 2 * shortest ? 0 : SPSI_LEVELS;
 }
 
-/* Optical depth of the densest voxel; 0 if classified or not read. */
-SPSI_COLD double spsi_medium_depth(const spsi_frame *frame, const spsi_lattice *lattice) {
-    const spsi_material *material = &frame->matter.materials[frame->media[lattice->medium].channel];
-    const spsi_pyramid_level *finest = frame->content->fields->levels[lattice->medium];
-    const double extinction = (double)material->extinction * (double)finest->most;
-    return material->table ? 0 : extinction * cbrt(lattice->voxel_volume);
-}
-
 typedef enum spsi_sample_pattern {
     SPSI_SAMPLER_PIXELS, /* one ray, or several for smaller voxels */
     SPSI_SAMPLER_SHEETS  /* a light's sheets: tries one ray first, at any level */
@@ -12622,7 +12597,11 @@ SPSI_COLD spsi_fill_choice spsi_sampler_judge(const spsi_frame *frame, const sps
     if (frame->view.filling == SPS_FILLING_SPLAT) return SPSI_SPLAT_ASKED;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
     if (lattice->cropped == SPSI_CROP_GAS) return SPSI_GATHER_CROPPED;
-    if (spsi_medium_depth(frame, lattice) > SPSI_SAMPLER_OPAQUE) return SPSI_SPLAT_OPAQUE;
+    /* Optical depth of the densest voxel; 0 if classified or not read. */
+    const spsi_material *material = &frame->matter.materials[frame->media[lattice->medium].channel];
+    const spsi_pyramid_level *finest = frame->content->fields->levels[lattice->medium];
+    const double extinction = (double)material->extinction * (double)finest->most;
+    if (!material->table && extinction * cbrt(lattice->voxel_volume) > SPSI_SAMPLER_OPAQUE) return SPSI_SPLAT_OPAQUE;
     return chosen > 0 || spsi_sampler_pays(sampler, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
 }
 
@@ -13762,8 +13741,13 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         if (!patches) continue;
         if (++splatted % SPSI_TICK_BRICKS == 0) spsi_task_tick(contents->context);
         spsi_tile_touch(fill);
-        spsi_brick_origin_build(&contents->frame->lattices[brick->lattice], brick, target->rays, target->slabs,
-                                first_slab, &origin);
+        double at[3], point[3], q[3];
+        for (int k = 0; k < 3; ++k) at[k] = brick->base[k] + 0.5;
+        spsi_voxel_position(&contents->frame->lattices[brick->lattice], at, point);
+        spsi_point_to_rays(target->rays, point, q);
+        for (int k = 0; k < 3; ++k) origin.q[k] = (float)q[k];
+        origin.depth = (float)(q[2] - target->rays->depth_reference);
+        origin.slab = (float)(spsi_slab_at(target->slabs, point) - first_slab);
         float *sheets = tile->sheets + (size_t)channel * tile->channel_size;
         float cut[SPSI_BRICK * SPSI_BRICK * SPSI_BRICK + SPSI_PADDING];
         const float *values = spsi_brick_values(&contents->frame->lattices[brick->lattice], segment, brick, cut);
@@ -13805,18 +13789,6 @@ static void spsi_tile_splat_list(spsi_tile_fill *fill, int list, int beyond) {
     }
 }
 
-static void spsi_tile_splat_wide(spsi_tile_fill *fill) {
-    const spsi_lists *lists = &fill->target->particles;
-    const int list = fill->target->columns * fill->target->rows;
-    for (int i = lists->starts[list]; i < lists->starts[list + 1]; ++i) {
-        const spsi_projected_sphere *projected = &lists->projected[lists->members[i] / 4];
-        const spsi_sphere *sphere = &projected->sphere;
-        if (sphere->x0 / SPSI_TILE_WIDTH <= fill->column && sphere->x1 / SPSI_TILE_WIDTH >= fill->column &&
-            sphere->y0 / SPSI_TILE_HEIGHT <= fill->row && sphere->y1 / SPSI_TILE_HEIGHT >= fill->row)
-            spsi_tile_splat_one(fill, projected);
-    }
-}
-
 /* Splats bricks, then particles: the tile's list, its left and upper neighbours', and the wide ones. Returns 0, with
    sheets uncleared, if the tile is empty. */
 static int spsi_tile_splat(const spsi_target *target, const spsi_contents *contents, int column, int row,
@@ -13827,7 +13799,15 @@ static int spsi_tile_splat(const spsi_target *target, const spsi_contents *conte
     for (int up = 0; up <= (row > 0); ++up)
         for (int left = 0; left <= (column > 0); ++left)
             spsi_tile_splat_list(&fill, (row - up) * target->columns + column - left, left + 2 * up);
-    spsi_tile_splat_wide(&fill);
+    const spsi_lists *lists = &fill.target->particles;
+    const int list = fill.target->columns * fill.target->rows;
+    for (int i = lists->starts[list]; i < lists->starts[list + 1]; ++i) {
+        const spsi_projected_sphere *projected = &lists->projected[lists->members[i] / 4];
+        const spsi_sphere *sphere = &projected->sphere;
+        if (sphere->x0 / SPSI_TILE_WIDTH <= fill.column && sphere->x1 / SPSI_TILE_WIDTH >= fill.column &&
+            sphere->y0 / SPSI_TILE_HEIGHT <= fill.row && sphere->y1 / SPSI_TILE_HEIGHT >= fill.row)
+            spsi_tile_splat_one(&fill, projected);
+    }
     if (fill.carried) {
         spsi_tile_carry(&fill);
         memcpy(tile->sheets, tile->sheets + spsi_shape_floats(&target->shape),
@@ -14605,18 +14585,6 @@ static void spsi_fill_volumes_task(void *data, int index, int worker) {
         spsi_insert_slabs(&into, &tile);
 }
 
-SPSI_COLD sps_result spsi_fill_volumes(spsi_filling *filling) {
-    spsi_map_volumes *volumes = filling->occluders->volumes;
-    const int chunks = volumes ? spsi_chunk_count(&volumes->slabs) : 0;
-    for (int chunk = 0; chunk < chunks; ++chunk) {
-        spsi_contents_advance(&volumes->contents, chunk);
-        if (volumes->contents.bricks.current == 0) continue;
-        if (spsi_progress(filling->context, filling->progress)) break;
-        spsi_parallel(filling->context, filling->band.tiles_x, spsi_fill_volumes_task, filling);
-    }
-    return filling->context->result;
-}
-
 /* --- a band of sums --- */
 
 /* Packs a texel's planes. depths[k * stride] runs from the light to plane k or, for sums, from plane k - 1. */
@@ -14681,7 +14649,15 @@ SPSI_COLD sps_result spsi_fill_band(spsi_filling *filling, spsi_visit visit) {
     filling->visit = visit;
     if (spsi_progress(filling->context, filling->progress)) return filling->context->result;
     spsi_parallel_items(filling->context, filling->band.tiles_x, spsi_fill_task, filling);
-    return spsi_fill_volumes(filling);
+    spsi_map_volumes *volumes = filling->occluders->volumes;
+    const int chunks = volumes ? spsi_chunk_count(&volumes->slabs) : 0;
+    for (int chunk = 0; chunk < chunks; ++chunk) {
+        spsi_contents_advance(&volumes->contents, chunk);
+        if (volumes->contents.bricks.current == 0) continue;
+        if (spsi_progress(filling->context, filling->progress)) break;
+        spsi_parallel(filling->context, filling->band.tiles_x, spsi_fill_volumes_task, filling);
+    }
+    return filling->context->result;
 }
 
 SPSI_COLD sps_result spsi_fill_sums(spsi_filling *filling) {
@@ -18100,25 +18076,21 @@ SPSI_COLD void spsi_cells_w_cycle(spsi_cell_solver *solver, int n) {
     spsi_parallel_items(solver->context, level->size[2], spsi_cells_correct_task, &step);
 }
 
-SPSI_COLD void spsi_cells_levels(spsi_cell_solver *solver) {
-    for (int n = 0; n < solver->level_count; ++n) {
-        spsi_cell_level *level = &solver->levels[n];
-        if (n > 0) {
-            const spsi_cell_level *fine = level - 1;
-            spsi_cell_step step = {fine, level, fine->keep[0], level->keep[0], solver->orders};
-            spsi_parallel_items(solver->context, level->size[2], spsi_cells_coarsen_task, &step);
-        }
-        spsi_parallel_items(solver->context, level->size[2], spsi_cells_paths_task, level);
-    }
-}
-
 /* Solves for the finest level's source from its `depth`, `keep` and `given`. `started`: continues after polygons' light
    has changed. */
 SPSI_COLD sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, const spsi_call_stage *part) {
     spsi_cell_level *finest = &solver->levels[0];
     const size_t bytes = (size_t)solver->terms * finest->count * sizeof(float);
     if (!started) {
-        spsi_cells_levels(solver);
+        for (int n = 0; n < solver->level_count; ++n) {
+            spsi_cell_level *level = &solver->levels[n];
+            if (n > 0) {
+                const spsi_cell_level *fine = level - 1;
+                spsi_cell_step step = {fine, level, fine->keep[0], level->keep[0], solver->orders};
+                spsi_parallel_items(solver->context, level->size[2], spsi_cells_coarsen_task, &step);
+            }
+            spsi_parallel_items(solver->context, level->size[2], spsi_cells_paths_task, level);
+        }
         memset(finest->sent, 0, bytes);
         if (finest->walls)
             spsi_cells_check(finest);
@@ -20551,17 +20523,6 @@ typedef struct spsi_carried {
     int is_attenuated; /* 0: neither attenuation nor multiple scattering; lit is unused */
 } spsi_carried;
 
-/* Multiple forward scattering per unit of optical depth and unattenuated irradiance. */
-static void spsi_sample_forward(const spsi_shader *shader, const spsi_material *material, const spsi_sample *sample,
-                                const spsi_forward_part *part, spsi_v sent[3]) {
-    const int alike = !spsi_material_varies(material) && material->forward->level_count == 1;
-    SPSI_ROLLED for (int c = 0; c < shader->frame->channels; ++c) {
-        const spsi_v gas = spsi_sub(spsi_set(1), sample->surface), albedo = sample->color[c];
-        sent[c] = c > 0 && alike ? sent[0] : spsi_mul(albedo, spsi_forward_channel(material, c, albedo, part));
-        if (sample->has_normal) sent[c] = spsi_mul(sent[c], gas);
-    }
-}
-
 typedef struct spsi_spread_light_at {
     int channel;
     spsi_v flux, depth;        /* depth: optical depth traversed so far */
@@ -20596,7 +20557,13 @@ static void spsi_shade_by_light(const spsi_shader *shader, const spsi_pixels *p,
         for (int c = 0; c < shader->frame->channels; ++c)
             spsi_add_light(light, c, spsi_mul(spsi_mul(once[c], sample->depth), response[c]), sent->once);
         if (!forward) continue;
-        spsi_sample_forward(shader, material, sample, &place, more);
+        /* Multiple forward scattering per unit of optical depth and unattenuated irradiance. */
+        const int alike = !spsi_material_varies(material) && material->forward->level_count == 1;
+        SPSI_ROLLED for (int c = 0; c < shader->frame->channels; ++c) {
+            const spsi_v gas = spsi_sub(spsi_set(1), sample->surface), albedo = sample->color[c];
+            more[c] = c > 0 && alike ? more[0] : spsi_mul(albedo, spsi_forward_channel(material, c, albedo, &place));
+            if (sample->has_normal) more[c] = spsi_mul(more[c], gas);
+        }
         for (int c = 0; c < shader->frame->channels; ++c)
             spsi_add_light(light, c, spsi_mul(spsi_mul(again[c], sample->depth), more[c]), sent->again);
     }
@@ -21334,16 +21301,6 @@ static double spsi_surfaces_unit(const spsi_light *light, const spsi_surfaces *l
     return ldexp(1, power);
 }
 
-/* Vectors from a point, divided by `unit`. */
-static void spsi_surfaces_paths(const spsi_surfaces *list, const double from[3], double unit, spsi_v ways[3]) {
-    const double per_unit = 1 / unit;
-    for (int i = 0; i < 3; ++i) {
-        float lanes[SPSI_LANES];
-        for (int n = 0; n < SPSI_LANES; ++n) lanes[n] = (float)((list->points.at[i][n] - from[i]) * per_unit);
-        ways[i] = spsi_load(lanes);
-    }
-}
-
 static void spsi_surfaces_places(const spsi_surfaces *list, const spsi_light *light, spsi_v place[3]) {
     float lanes[3][SPSI_LANES];
     for (int n = 0; n < SPSI_LANES; ++n) {
@@ -21364,7 +21321,14 @@ static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_light 
     for (int i = 0; i < 3; ++i) normal[i] = spsi_load(list->normal[i]);
     spsi_set3(point->direction, travel);
     if (point->is_point) {
-        spsi_surfaces_paths(list, point->position, unit, travel);
+        /* Vectors from a point, divided by `unit`. */
+        const double per_unit = 1 / unit;
+        for (int i = 0; i < 3; ++i) {
+            float lanes[SPSI_LANES];
+            for (int n = 0; n < SPSI_LANES; ++n)
+                lanes[n] = (float)((list->points.at[i][n] - point->position[i]) * per_unit);
+            travel[i] = spsi_load(lanes);
+        }
         square = spsi_max(spsi_dot_v(travel, travel), spsi_set(FLT_MIN));
         for (int i = 0; i < 3; ++i) travel[i] = spsi_div(travel[i], spsi_sqrt(square));
     }
@@ -21372,8 +21336,7 @@ static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_light 
     if (point->falls_off) share = spsi_div(share, square);
     if (point->cone.exists || point->projection.exists) spsi_surfaces_places(list, point, place);
     if (point->cone.exists) share = spsi_mul(share, spsi_cone_fraction(&point->cone, spsi_versine_v(place)));
-    if (point->projection.exists)
-        spsi_projection_lookup(shader->frame, point, place, spsi_load(list->pixel), image);
+    if (point->projection.exists) spsi_projection_lookup(shader->frame, point, place, spsi_load(list->pixel), image);
     for (int c = 0; c < 3; ++c) irradiance[c] = spsi_fma(share, image[c], irradiance[c]);
 }
 
@@ -23608,18 +23571,6 @@ static uint64_t spsi_scattered_fingerprint(const sps_context *context, const sps
     return hash;
 }
 
-static uint64_t spsi_cells_fingerprint(const sps_context *context, const spsi_frame *frame, const spsi_cell_grid *grids,
-                                       int count) {
-    uint64_t hash = spsi_scattered_fingerprint(context, frame);
-    for (int n = 0; n < count && hash; ++n) {
-        const spsi_cell_grid *grid = &grids[n];
-        const double place[] = {grid->corner[0], grid->corner[1], grid->corner[2], grid->edge};
-        hash = spsi_fingerprint(hash, place, sizeof place);
-        hash = spsi_fingerprint(hash, grid->size, sizeof grid->size);
-    }
-    return hash;
-}
-
 /* True if light computed for `key` is cached. Clears cells_cached until it is recomputed: failing calls may leave
    partial data. */
 SPSI_COLD int spsi_scattered_take(sps_context *context, uint64_t key) {
@@ -23823,7 +23774,13 @@ static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame,
     if (!spsi_holds_gas(context, frame)) return SPS_OK;
     int count = spsi_cells_place_all(context, frame, &groups, grids);
     if (count == 0) return SPS_OK;
-    uint64_t key = spsi_cells_fingerprint(context, frame, grids, count);
+    uint64_t key = spsi_scattered_fingerprint(context, frame);
+    for (int n = 0; n < count && key; ++n) {
+        const spsi_cell_grid *grid = &grids[n];
+        const double place[] = {grid->corner[0], grid->corner[1], grid->corner[2], grid->edge};
+        key = spsi_fingerprint(key, place, sizeof place);
+        key = spsi_fingerprint(key, grid->size, sizeof grid->size);
+    }
     int held = spsi_scattered_take(context, key);
     if (spsi_cells_reserve(context, frame, grids, count)) return context->result;
     spsi_particles_fly(frame);
@@ -23938,10 +23895,7 @@ SPSI_COLD double spsi_spread_cone(const spsi_light *light, const spsi_rays *rays
     reach = 0.5 * size * (spsi_length(rays->a) + spsi_length(rays->b)) / spsi_length(ray);
     if (angle >= outer + reach) return 0;
     if (angle + reach <= inner) return 1;
-    if (size < 0.2 && reach < 0.1 * outer) {
-        const double share = (light->cone.none - 2 * pow(sin(0.5 * angle), 2)) / light->cone.rim;
-        return pow(spsi_dmin(spsi_dmax(share, 0), 1), 2);
-    }
+    if (size < 0.2 && reach < 0.1 * outer) return spsi_cone_at(&light->cone, 2 * pow(sin(0.5 * angle), 2));
     for (int i = 0; i < 4; ++i)
         sum +=
             spsi_spread_cone(light, rays, x + (i % 2 - 0.5) * 0.5 * size, y + (i / 2 - 0.5) * 0.5 * size, 0.5 * size);
@@ -24902,18 +24856,6 @@ SPSI_COLD void spsi_work_count_cells(const sps_context *context, const spsi_fram
     if (cells > 0) work->units[stage] = cells + spsi_fixed_units[stage];
 }
 
-static void spsi_candidate_time(const sps_context *context, const spsi_work *work, const spsi_setting *setting,
-                                spsi_candidate *candidate) {
-    candidate->is_known = 1;
-    for (int n = 0; n < SPSI_STAGE_COUNT; ++n) {
-        const spsi_stage stage = (spsi_stage)n;
-        if (!(work->units[n] > 0)) continue;
-        candidate->seconds += work->units[n] * spsi_rate(context, stage, setting);
-        if (stage > SPSI_STAGE_PYRAMIDS) /* reading and pyramids hardly depend on presets */
-            candidate->is_known &= context->pace.rates[n][spsi_stage_preset(stage, setting)] > 0;
-    }
-}
-
 /* Sets candidates' times and errors, one per cell preset from `first` on. `work` excludes cells. */
 SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, double spent, double spheres,
                                     spsi_work *work, int first, spsi_candidate *candidates) {
@@ -24925,7 +24867,14 @@ SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, dou
         if (only && n != only->cells) continue;
         frame->view.scattering_resolution = spsi_cell_presets[n];
         spsi_work_count_cells(context, frame, &setting, work);
-        spsi_candidate_time(context, work, &setting, candidate);
+        candidate->is_known = 1;
+        for (int k = 0; k < SPSI_STAGE_COUNT; ++k) {
+            const spsi_stage stage = (spsi_stage)k;
+            if (!(work->units[k] > 0)) continue;
+            candidate->seconds += work->units[k] * spsi_rate(context, stage, &setting);
+            if (stage > SPSI_STAGE_PYRAMIDS) /* reading and pyramids hardly depend on presets */
+                candidate->is_known &= context->pace.rates[k][spsi_stage_preset(stage, &setting)] > 0;
+        }
         candidate->seconds += spent;
         candidate->error = spsi_expected_error(frame, &setting, spheres);
         candidate->exists = candidate->seconds < HUGE_VAL;
@@ -26084,42 +26033,28 @@ static int spsi_ray_chord_in_sphere(const spsi_ray *ray, const spsi_particle *pa
     return 1;
 }
 
-/* `depths`: per set. Returns their sum. */
-static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
+/* `depths`, and if not NULL `albedos` weighted by them: per set. Returns the sum of depths. */
+static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *ray, double *depths,
+                                   double (*albedos)[3]) {
     const spsi_frame *frame = marcher->frame;
     double sum = 0;
     spsi_walk walk;
     int particle;
     memset(depths, 0, SPSI_SETS_MAX * sizeof *depths);
+    if (albedos) memset(albedos, 0, SPSI_SETS_MAX * sizeof *albedos);
     spsi_walk_begin(&marcher->particles, &walk);
     while (ray->high > ray->low && (particle = spsi_walk_on(&walk, ray)) >= 0) {
         const spsi_particle_set *set = spsi_set_of(frame, particle);
+        const ptrdiff_t number = set - frame->particles.sets;
         spsi_ray_chord chord;
-        if (spsi_ray_chord_in_sphere(ray, &frame->content->particles[particle], set, &chord))
-            depths[set - frame->particles.sets] += chord.depth * (chord.at[1] - chord.at[0]);
+        if (!spsi_ray_chord_in_sphere(ray, &frame->content->particles[particle], set, &chord)) continue;
+        const double depth = chord.depth * (chord.at[1] - chord.at[0]);
+        depths[number] += depth;
+        for (int c = 0; c < 3 && albedos && set->given.has_albedos; ++c)
+            albedos[number][c] += depth * (double)frame->content->albedos[particle][c];
     }
     for (int i = 0; i < frame->particles.set_count; ++i) sum += depths[i];
     return sum;
-}
-
-/* Mean albedo of a set along a ray, weighted by optical depth. */
-static void spsi_particles_albedo(const spsi_marcher *marcher, int number, const spsi_ray *ray, spsi_v color[3]) {
-    const spsi_frame *frame = marcher->frame;
-    double sum = 0, colors[3] = {0, 0, 0};
-    spsi_walk walk;
-    int particle;
-    spsi_walk_begin(&marcher->particles, &walk);
-    while (ray->high > ray->low && (particle = spsi_walk_on(&walk, ray)) >= 0) {
-        const spsi_particle_set *set = spsi_set_of(frame, particle);
-        spsi_ray_chord chord;
-        if (set != &frame->particles.sets[number] ||
-            !spsi_ray_chord_in_sphere(ray, &frame->content->particles[particle], set, &chord))
-            continue;
-        const double depth = chord.depth * (chord.at[1] - chord.at[0]);
-        sum += depth;
-        for (int c = 0; c < 3; ++c) colors[c] += depth * (double)frame->content->albedos[particle][c];
-    }
-    for (int c = 0; c < 3 && sum > 0; ++c) color[c] = spsi_set((float)(colors[c] / sum));
 }
 
 /* A pixel's ray from the near plane on. Returns length per unit of t. */
@@ -26241,7 +26176,7 @@ static void spsi_march_light(const spsi_marcher *marcher, const spsi_light *ligh
     spsi_ray ray;
     memset(shade, 0, sizeof *shade);
     if (!light->shadows || !spsi_light_ray(light, point, &ray)) return;
-    shade->depth.low = shade->depth.high = spsi_particles_depth(marcher, &ray, depths);
+    shade->depth.low = shade->depth.high = spsi_particles_depth(marcher, &ray, depths, NULL);
     const int count = marcher->frame->medium_count > 0 ? spsi_march_range(marcher, &ray, range) : 0;
     shade->way = count > 0 ? range[1] - range[0] : 0;
     for (int i = 0; i < count; ++i) {
@@ -26323,7 +26258,7 @@ typedef struct spsi_point {
 
 static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_point *point) {
     const spsi_frame *frame = marcher->frame;
-    double depths[SPSI_SETS_MAX], depth[3];
+    double depths[SPSI_SETS_MAX], albedos[SPSI_SETS_MAX][3], depth[3];
     spsi_along(ray->origin, ray->direction, 0.5 * (ray->low + ray->high), point->position);
     memcpy(point->direction, ray->direction, sizeof point->direction);
     point->surface = NULL;
@@ -26332,8 +26267,9 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
     point->half = 0.5 * (ray->high - ray->low);
     spsi_to_rays(&frame->content->eye, ray->direction, depth);
     point->pixel = spsi_pixel_size_at(&frame->content->eye, 0.5 * (ray->low + ray->high) * depth[2]);
-    spsi_particles_depth(marcher, ray, depths);
+    spsi_particles_depth(marcher, ray, depths, frame->particles.has_albedos ? albedos : NULL);
     for (int m = 0; m < marcher->part_count; ++m) {
+        const int set = m - frame->medium_count;
         const spsi_ray inside = m < frame->medium_count ? spsi_dense_clip(&marcher->grids[m], ray) : *ray;
         const double fraction = (inside.high - inside.low) / (ray->high - ray->low);
         double at[3];
@@ -26341,11 +26277,9 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
         spsi_march_sample(marcher, m, at, &point->samples[m], &point->value[m], &point->extinction[m]);
         point->inside[m] = fraction;
         if (m < frame->medium_count && fraction < 1) point->extinction[m] *= fraction;
-        if (m >= frame->medium_count) {
-            point->value[m] = point->extinction[m] = depths[m - frame->medium_count] / (ray->high - ray->low);
-            if (spsi_material_of(frame, m)->colored > 0)
-                spsi_particles_albedo(marcher, m - frame->medium_count, ray, point->samples[m].color);
-        }
+        if (set >= 0) point->value[m] = point->extinction[m] = depths[set] / (ray->high - ray->low);
+        for (int c = 0; c < 3 && set >= 0 && depths[set] > 0 && spsi_material_of(frame, m)->colored > 0; ++c)
+            point->samples[m].color[c] = spsi_set((float)(albedos[set][c] / depths[set]));
         point->value_sum += point->value[m] * point->inside[m];
         point->extinction_sum += point->extinction[m];
     }
@@ -27025,7 +26959,7 @@ SPSI_COLD void spsi_step_build(const spsi_marcher *marcher, const spsi_ray *ray,
         spsi_enclosure_add(&step->depth, scale * gas->length.low, scale * gas->length.high);
         spsi_series_add(&extinction, scale, &gas->series);
     }
-    const double particles = spsi_particles_depth(marcher, ray, step->particles);
+    const double particles = spsi_particles_depth(marcher, ray, step->particles, NULL);
     spsi_enclosure_add(&step->depth, particles, particles);
     if (particles > 0) any = 1, step->smooth = 0;
     step->passes.term[0] = 0;
@@ -27774,7 +27708,7 @@ static double spsi_emission_at(const spsi_marcher *marcher, const double event[3
     room = 1e-7 * spsi_length(across); /* particles are averaged over a tiny length */
     ray.low = way - room;
     ray.high = way + room;
-    spsi_particles_depth(marcher, &ray, depths);
+    spsi_particles_depth(marcher, &ray, depths, NULL);
     for (int m = 0; m < marcher->part_count; ++m) {
         const spsi_material *material = spsi_material_of(marcher->frame, m);
         const int set = m - marcher->frame->medium_count;
@@ -27797,7 +27731,8 @@ static double spsi_path_transmittance(const spsi_marcher *marcher, const spsi_li
     double depths[SPSI_SETS_MAX];
     spsi_ray ray;
     if (!light->shadows || !spsi_light_ray(light, point, &ray)) return 1;
-    return spsi_path_through_volumes(marcher, &ray, random, exp(-spsi_particles_depth(marcher, &ray, depths)), NULL);
+    const double passes = exp(-spsi_particles_depth(marcher, &ray, depths, NULL));
+    return spsi_path_through_volumes(marcher, &ray, random, passes, NULL);
 }
 
 static void spsi_path_take(spsi_path *path, const double radiance[3]) {
@@ -27881,18 +27816,22 @@ static void spsi_path_event(const spsi_path *path, spsi_point *point) {
 /* Directions are drawn from the phase function, or uniformly for surface shading. */
 static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample *sample, spsi_path *path) {
     const spsi_material *material = spsi_material_of(marcher->frame, part);
+    const int set = part - marcher->frame->medium_count;
     double way[3], back[3], response[3], cosine, value, extinction;
     spsi_point point;
     spsi_path_event(path, &point);
     point.samples = sample;
     path->material = material;
     spsi_march_sample(marcher, part, point.position, sample, &value, &extinction);
-    if (part >= marcher->frame->medium_count && material->colored > 0) {
+    if (set >= 0 && material->colored > 0) {
+        double depths[SPSI_SETS_MAX], albedos[SPSI_SETS_MAX][3];
         const spsi_bounds *bounds = &marcher->frame->content->bounds;
         const double room = 1e-7 * spsi_dmax(spsi_bounds_longest(bounds), DBL_MIN); /* averaged over a tiny length */
         spsi_ray here = path->ray;
         here.low = here.high - room, here.high += room;
-        spsi_particles_albedo(marcher, part - marcher->frame->medium_count, &here, sample->color);
+        spsi_particles_depth(marcher, &here, depths, albedos);
+        for (int c = 0; c < 3 && depths[set] > 0; ++c)
+            sample->color[c] = spsi_set((float)(albedos[set][c] / depths[set]));
     }
     spsi_path_lights(marcher, &point, path);
     cosine = sample->has_normal ? 2 * spsi_random(&path->random) - 1 : spsi_random_phase(&path->random, material);
@@ -27976,23 +27915,19 @@ static void spsi_path_follow(const spsi_marcher *marcher, spsi_sample *sample, s
 
 /* --- pixels --- */
 
-static void spsi_path_begin(const spsi_marcher *marcher, int x, int y, int n, spsi_path *path) {
-    const spsi_rays *eye = &marcher->frame->content->eye;
-    const int side = marcher->side, sample = n % (side * side);
-    const double at[2] = {x + (sample % side + 0.5) / side - 0.5, y + (sample / side + 0.5) / side - 0.5};
-    memset(path, 0, sizeof *path);
-    path->random = spsi_fingerprint_word(SPSI_FINGERPRINT_START, marcher->settings->seed);
-    path->random = spsi_fingerprint_word(path->random, (uint64_t)y * (uint64_t)eye->width + (uint64_t)x);
-    path->random = spsi_fingerprint_word(path->random, (uint64_t)n);
-    spsi_march_ray(eye, at[0], at[1], &path->ray);
-    path->face = -1;
-    path->weight[0] = path->weight[1] = path->weight[2] = 1;
-}
-
 static void spsi_paths_pixel(const spsi_marcher *marcher, int x, int y, spsi_sample *sample, spsi_walker *walker) {
     for (int n = marcher->from; n < marcher->to; ++n) {
         spsi_path path;
-        spsi_path_begin(marcher, x, y, n, &path);
+        const spsi_rays *eye = &marcher->frame->content->eye;
+        const int side = marcher->side, place = n % (side * side);
+        const double at[2] = {x + (place % side + 0.5) / side - 0.5, y + (place / side + 0.5) / side - 0.5};
+        memset(&path, 0, sizeof path);
+        path.random = spsi_fingerprint_word(SPSI_FINGERPRINT_START, marcher->settings->seed);
+        path.random = spsi_fingerprint_word(path.random, (uint64_t)y * (uint64_t)eye->width + (uint64_t)x);
+        path.random = spsi_fingerprint_word(path.random, (uint64_t)n);
+        spsi_march_ray(eye, at[0], at[1], &path.ray);
+        path.face = -1;
+        path.weight[0] = path.weight[1] = path.weight[2] = 1;
         spsi_path_follow(marcher, sample, &path);
         for (int c = 0; c < 3; ++c) {
             walker->paths[c] += path.radiance[c];

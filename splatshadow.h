@@ -2311,7 +2311,6 @@ static void spsi_parallel_batches(sps_context *context, int count, spsi_item_fn 
     spsi_parallel_by(context, SPSI_BATCH, count, item_fn, data);
 }
 
-/* Returns SPS_ERROR_CANCELLED if the caller wants to stop. */
 SPSI_COLD sps_result spsi_progress(sps_context *context, double fraction) {
     const float now = (float)spsi_dmin(1.0, spsi_dmax((double)context->progress, fraction));
     context->progress = now;
@@ -2694,7 +2693,6 @@ typedef struct spsi_crop {
     float faces[2][3];
 } spsi_crop;
 
-/* Depths at which rays enter and leave. */
 static void spsi_crop_range(const spsi_crop *crop, spsi_v x, float y, spsi_v range[2]) {
     spsi_v at[3], step[3];
     for (int k = 0; k < 3; ++k) {
@@ -4349,7 +4347,6 @@ SPSI_COLD sps_result spsi_check_lobes(const spsi_subject *at, const sps_lobe *lo
     return SPS_OK;
 }
 
-/* Checks an sps_grid, since sps_grid_read cannot report fields. */
 SPSI_COLD sps_result spsi_check_array(const spsi_subject *at, const sps_volume *volume) {
     const spsi_subject part = {at->context, at->object, at->index, "grid."};
     const sps_grid *grid = (const sps_grid *)volume->user;
@@ -4485,7 +4482,6 @@ SPSI_COLD sps_result spsi_check_planes(const spsi_subject *at, const sps_tmap_se
     return SPS_OK;
 }
 
-/* Checks all but the depth range. */
 SPSI_COLD sps_result spsi_check_settings(const spsi_subject *at, const sps_tmap_settings *settings) {
     const spsi_bounded numbers[] = {
         {"technique", (double)(int)settings->technique, 0, SPS_TMAP_DEPTH, "it must be an sps_tmap_technique"},
@@ -4618,7 +4614,6 @@ SPSI_COLD sps_result spsi_check_scene(sps_context *context, const sps_scene *sce
     return context->result;
 }
 
-/* Exactly one projection must be set. */
 SPSI_COLD sps_result spsi_check_projection(const spsi_subject *at, const sps_camera *camera) {
     static const char *const names[3] = {"field_of_view", "ortho_height", "world_to_clip"};
     const int set[3] = {!(fabs(camera->field_of_view) <= 0), !(fabs(camera->ortho_height) <= 0),
@@ -4791,13 +4786,11 @@ SPSI_COLD void spsi_material_lobes(const sps_lobe *lobes, int count, spsi_materi
     }
 }
 
-/* Sets the ambient light that approximates multiple scattering. */
 SPSI_COLD void spsi_material_ambient(const spsi_frame *frame, const float ambient[3], spsi_material *material) {
     if (material->scatters && frame->view.scattering == SPS_SCATTERING_AMBIENT)
         memcpy(material->ambient, ambient, sizeof material->ambient);
 }
 
-/* True if albedo differs from place to place. */
 static inline int spsi_material_varies(const spsi_material *material) {
     return material->table != NULL || material->colored > 0;
 }
@@ -4843,7 +4836,6 @@ SPSI_COLD int spsi_table_colors(const spsi_table *table, float albedo[3]) {
     return uniform ? 0 : grey ? 1 : 3;
 }
 
-/* What a volume's media have in common. */
 typedef struct spsi_parts {
     spsi_material material;    /* the values' */
     spsi_material *classifier; /* classifies voxels; NULL: none */
@@ -4851,7 +4843,6 @@ typedef struct spsi_parts {
     int values, colors, glows; /* media of each kind */
 } spsi_parts;
 
-/* Memory for the next volumes. */
 typedef struct spsi_tables {
     spsi_table *table;
     spsi_glow_table *glow;
@@ -5340,7 +5331,6 @@ SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *sc
         return NULL;
     if (view && spsi_resolve_view(context, frame)) return NULL;
     if (spsi_resolve_lights(context, frame, scene)) return NULL;
-    /* Runs after the scene's objects are resolved. */
     frame->has_ambient = !spsi_black(scene->ambient);
     for (int m = 0; m < frame->matter.material_count; ++m) {
         spsi_material *material = &frame->matter.materials[m];
@@ -5475,7 +5465,6 @@ static void spsi_block_evaluate(spsi_voxels *voxels) {
     }
 }
 
-/* Values become the medium's part of their classification. */
 static void spsi_block_classify(spsi_voxels *voxels, int count) {
     const spsi_medium *medium = voxels->block.medium;
     const int part = medium->part, glow = part - SPSI_PART_GLOW_RED;
@@ -5534,7 +5523,6 @@ static void spsi_block_color(spsi_voxels *voxels) {
     }
 }
 
-/* asks: try range_fn first. */
 static void spsi_block_read(spsi_voxels *voxels, int asks) {
     spsi_block *block = &voxels->block;
     const sps_volume *volume = &block->medium->given;
@@ -5611,7 +5599,6 @@ typedef struct spsi_block_walk {
     int range_calls;
 } spsi_block_walk;
 
-/* asks: use parents. */
 SPSI_COLD void spsi_blocks_begin(const spsi_medium *medium, const spsi_material *material, int asks,
                                  spsi_block_walk *walk) {
     const int parents = asks && medium->given.range_fn ? medium->given.range_levels : 0;
@@ -5693,7 +5680,6 @@ typedef struct spsi_reader {
     int count;
 } spsi_reader;
 
-/* Several blocks per worker balance the load. */
 SPSI_COLD int spsi_blocks_at_once(const sps_context *context, const spsi_medium *medium) {
     const int workers = spsi_worker_count(context), most = workers > 1 ? 4 * workers : 1;
     int64_t count = 1;
@@ -5828,7 +5814,6 @@ static uint64_t spsi_brick_layer(const spsi_voxels *voxels, const int base[3], i
     return layer;
 }
 
-/* Reads a block and counts relevant voxels. */
 static void spsi_block_task(void *data, int index, int worker) {
     const spsi_reader *reader = (const spsi_reader *)data;
     spsi_voxels *voxels = spsi_reader_values(reader, index);
@@ -5906,7 +5891,6 @@ SPSI_COLD sps_result spsi_block_add_bricks(sps_context *context, spsi_voxels *vo
     return SPS_OK;
 }
 
-/* steps: masks of occupied x, y, z. */
 static void spsi_brick_bound(spsi_brick *brick, const uint64_t steps[3]) {
     for (int k = 0; k < 3; ++k) {
         int low = 0, high = SPSI_BRICK - 1;
@@ -6065,7 +6049,6 @@ static int spsi_volumes_cached(const sps_context *context, const spsi_frame *fra
     return context->gathered != 0 && context->gathered == spsi_volumes_fingerprint(frame);
 }
 
-/* Reads all volumes' relevant voxels unless cached. */
 SPSI_COLD sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
     const uint64_t replaced = context->stats.values_replaced;
     if (!spsi_volumes_cached(context, frame)) {
@@ -6139,7 +6122,6 @@ SPSI_COLD size_t spsi_batch_count(const spsi_frame *frame) {
     return count < SPSI_PARTICLE_BATCH ? count : SPSI_PARTICLE_BATCH;
 }
 
-/* Lists of particles being read. */
 typedef struct spsi_particle_lists {
     sps_particle *batch;
     spsi_particle *list;
@@ -6147,7 +6129,6 @@ typedef struct spsi_particle_lists {
     size_t read;
 } spsi_particle_lists;
 
-/* Keeps a batch's non-empty particles. */
 SPSI_COLD void spsi_particles_keep(const spsi_frame *frame, const spsi_particle_set *set, size_t count,
                                    const spsi_particle_lists *lists) {
     for (size_t i = 0; i < count; ++i) {
@@ -6164,7 +6145,6 @@ SPSI_COLD void spsi_particles_keep(const spsi_frame *frame, const spsi_particle_
     }
 }
 
-/* Reads a set, dropping empty particles. */
 SPSI_COLD sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame, const spsi_particle_set *set,
                                      spsi_particle_lists *lists) {
     for (size_t first = 0; first < set->given.count; first += SPSI_PARTICLE_BATCH) {
@@ -6221,7 +6201,6 @@ static double spsi_measure_extinction(const spsi_frame *frame) {
     return covered > 0 && volume > 0 ? spsi_dmax(mass / volume, sum / covered) : 0;
 }
 
-/* Measures bounds, geometric mean radius, spread, and extinction. */
 SPSI_COLD void spsi_measure_particles(const spsi_frame *frame) {
     double logs = 0, sum[3] = {0, 0, 0}, squares = 0, origin[3];
     if (frame->content->particle_count == 0) return;
@@ -6522,7 +6501,6 @@ static float spsi_tree_area(const float low[3], const float high[3], float unit)
     return x >= 0 ? x * y + y * z + z * x : 0;
 }
 
-/* Twice the centre along an axis. */
 static inline float spsi_tree_middle(const spsi_tree_item *item, int axis) {
     return item->low[axis] + item->high[axis];
 }
@@ -6544,7 +6522,6 @@ static inline int spsi_tree_bin_of(const spsi_tree_cut *cut, const spsi_tree_ite
 
 static const spsi_tree_bin spsi_tree_empty = {{FLT_MAX, FLT_MAX, FLT_MAX}, {-FLT_MAX, -FLT_MAX, -FLT_MAX}, 0};
 
-/* Last bin before the cheapest cut. */
 static int spsi_tree_cheapest(const spsi_tree_bin *bins, float unit) {
     float cost[SPSI_TREE_BINS], least = FLT_MAX;
     int last = -1;
@@ -6650,7 +6627,6 @@ static void spsi_tree_task_run(void *data, int index) {
     }
 }
 
-/* Maximum node count. */
 static size_t spsi_tree_nodes(size_t count) { return count + 2; }
 
 /* Returns items to fill; NULL on failure. */
@@ -6664,7 +6640,6 @@ static spsi_tree_item *spsi_tree_reserve(sps_context *context, spsi_buffer_id no
     return tree->nodes && tree->order ? items : NULL;
 }
 
-/* Builds top nodes serially, subtrees in parallel. */
 static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tree_item *items) {
     spsi_tree_job job = {tree, items, {{0, 0}}, 1};
     const int few = spsi_imax(tree->count / SPSI_TREE_TASKS, 1024);
@@ -6790,7 +6765,6 @@ typedef struct spsi_hit {
     float weights[2]; /* barycentric, vertices 1 and 2 */
 } spsi_hit;
 
-/* Input to shade_fn. */
 typedef struct spsi_face_texture {
     float uv[3][2];
     uint32_t number; /* index in its mesh; the list omits degenerate triangles */
@@ -6811,7 +6785,6 @@ typedef struct spsi_faces {
     spsi_mesh_faces *meshes;           /* NULL: no shade_fn */
 } spsi_faces;
 
-/* Checks colors, normals, uv and world positions. */
 static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *t, const spsi_mesh *mesh, size_t number,
                                       double world[3][3]) {
     const char *names[] = {"position", "normal", "albedo", "uv"};
@@ -6882,7 +6855,6 @@ typedef struct spsi_face_lists {
     int face_count, texture_count;
 } spsi_face_lists;
 
-/* Appends a face unless degenerate. */
 static void spsi_face_add(const spsi_frame *frame, const spsi_mesh *mesh, const sps_triangle *triangle, size_t number,
                           double world[3][3], spsi_face_lists *lists) {
     spsi_face *face = &lists->faces[lists->face_count];
@@ -6981,7 +6953,6 @@ SPSI_COLD sps_result spsi_read_faces(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* Reads all triangles unless cached. */
 SPSI_COLD sps_result spsi_gather_faces(sps_context *context, const spsi_frame *frame, spsi_faces *faces) {
     memset(faces, 0, sizeof *faces);
     if (frame->meshes.triangle_count == 0) return SPS_OK;
@@ -7194,7 +7165,6 @@ static inline void spsi_raster_vector(const spsi_raster *raster, const spsi_edge
             spsi_raster_store(raster, at + (size_t)n, face, depth[n], weights[0][n], weights[1][n]);
 }
 
-/* Draws a face's rows y0..y1 unless translucent. */
 static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1) {
     const int *box = raster->boxes + 4 * face;
     spsi_edges e;
@@ -7221,7 +7191,6 @@ static inline int spsi_raster_reaches(const spsi_raster *raster, int face, int y
     return box[2] >= box[0] && box[1] <= y1 && box[3] >= y0;
 }
 
-/* Clears rows, then draws faces in index order. */
 static void spsi_raster_rows(const spsi_raster *raster, int y0, int y1) {
     const spsi_hit nothing = {SPSI_INFINITY, -1, {0, 0}};
     const size_t first = (size_t)(y0 - raster->first_row) * (size_t)raster->pitch;
@@ -7689,7 +7658,6 @@ static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fr
 
 #define SPSI_LAYERS_ORDERED 16 /* maximum fragments per pixel for sorting by sample */
 
-/* A pixel's fragments with depths per sample. */
 typedef struct spsi_stack {
     const spsi_fragment *list;
     int count, translucent[SPSI_LAYERS_ORDERED];
@@ -8066,7 +8034,6 @@ static void spsi_surface_rows(const spsi_surface_batch *batch) {
         }
 }
 
-/* Adds a pixel's points on the batch's mesh. */
 SPSI_COLD sps_result spsi_surface_batch_add(sps_context *context, spsi_surface_batch *batch, int x, int y,
                                             sps_surface *set) {
     const spsi_visible *visible = batch->visible;
@@ -8269,7 +8236,6 @@ static void spsi_packet_through(const spsi_packet *packet, int at, double throug
     }
 }
 
-/* Closes occluded rays; translucent faces filter rays instead. */
 static void spsi_packet_meet_face(const spsi_faces *faces, int number, int bits, spsi_packet *packet) {
     if (spsi_face_is_translucent(&faces->list[number])) {
         spsi_packet_filter(&faces->list[number], number, packet);
@@ -8283,7 +8249,6 @@ static void spsi_packet_meet_face(const spsi_faces *faces, int number, int bits,
     }
 }
 
-/* Rays that reach the light stay open. */
 static void spsi_packet_trace(const spsi_faces *faces, spsi_packet *packet) {
     const spsi_tree *tree = &faces->tree;
     const spsi_v reach = spsi_set(packet->reach <= 1 ? 1.0f : FLT_MAX);
@@ -8444,7 +8409,6 @@ static void spsi_face_items_task(void *data, int i) {
     spsi_tree_item_add(&job->items[i], job->faces->tree.centre, bounds.low, bounds.high);
 }
 
-/* Builds the tree unless cached. */
 static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
     spsi_face_items job = {faces, NULL};
     spsi_tree *tree = &faces->tree;
@@ -8795,7 +8759,6 @@ SPSI_COLD void spsi_image_lay_out(const spsi_projection *projection, float *memo
     image->level_count = level;
 }
 
-/* Returns the number of floats. */
 static uint64_t spsi_images_lay_out(const spsi_frame *frame, float *memory) {
     uint64_t laid = 0;
     const uint64_t bytes = (uint64_t)frame->lights.image_count * sizeof(spsi_image);
@@ -8856,7 +8819,6 @@ SPSI_COLD int spsi_halving(int fine, int coarse, int i, float shares[3]) {
     return first;
 }
 
-/* Box-filters a mip texel. */
 static void spsi_image_halve_texel(const spsi_image *image, int level, int x, int y) {
     const size_t from_pitch = (size_t)image->width[level - 1], pitch = (size_t)image->width[level];
     const size_t from_plane = from_pitch * (size_t)image->height[level - 1];
@@ -9017,7 +8979,6 @@ typedef struct spsi_translucent_plane {
     int face;
 } spsi_translucent_plane;
 
-/* All translucent faces along each texel's ray. */
 typedef struct spsi_translucency_map {
     spsi_depth_map grid;              /* depths and slopes stay empty */
     uint32_t *first[SPSI_CUBE_FACES]; /* per texel: start in `list` */
@@ -12509,7 +12470,7 @@ SPSI_COLD int spsi_sampler_pays(const spsi_sampler *sampler, const spsi_lattice 
 SPSI_COLD int spsi_levels_wanted(const spsi_frame *frame, int medium) {
     const spsi_lattice *lattice = &frame->lattices[medium];
     double shortest = HUGE_VAL, longest = 0;
-    /* True if coarser voxels would lose what a transfer function or gradients show. */
+    /* Coarser voxels would lose what a transfer function or gradients show. */
     const spsi_medium *values = &frame->media[medium - frame->media[medium].follows];
     const spsi_material *material = &frame->matter.materials[values->channel];
     if (material->table || material->shading == SPS_SHADING_SURFACE) return 0;
@@ -12597,7 +12558,6 @@ SPSI_COLD spsi_fill_choice spsi_sampler_judge(const spsi_frame *frame, const sps
     if (frame->view.filling == SPS_FILLING_SPLAT) return SPSI_SPLAT_ASKED;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
     if (lattice->cropped == SPSI_CROP_GAS) return SPSI_GATHER_CROPPED;
-    /* Optical depth of the densest voxel; 0 if classified or not read. */
     const spsi_material *material = &frame->matter.materials[frame->media[lattice->medium].channel];
     const spsi_pyramid_level *finest = frame->content->fields->levels[lattice->medium];
     const double extinction = (double)material->extinction * (double)finest->most;
@@ -17014,7 +16974,6 @@ SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *fra
     if (spsi_eye_is_wide(frame) && !others && !light->extent.exists) /* tables allow image splitting */
         serves &= sweep.cosine_of_eye >= SPSI_COSINE_EVEN;
     if (!serves) {
-        /* Gives a light without valid slabs one table, an area light several. */
         const int by_camera = sweep.cosine_of_light >= SPSI_COSINE_MIN && sweep.cosine_of_eye < SPSI_COSINE_EVEN;
         spsi_rays rays[SPSI_CUBE_FACES];
         spsi_light_choose_table(light, 1, by_camera ? SPSI_CHOICE_TABLE_CAMERA : SPSI_CHOICE_TABLE_IN_GAS);
@@ -20463,8 +20422,7 @@ static int spsi_light_point_at(const spsi_shader *shader, const spsi_light *ligh
         const spsi_v lit = spsi_add(spsi_add(reach->width[0], reach->width[1]), reach->width[2]);
         if (!spsi_bits(spsi_less(zero, lit))) return 0;
         spsi_light_travel(light, p, reach, incident->travel);
-        /* Mean transmittance of the lit range, relative to the part's. Optical depth changes by `change` along the
-         * part. */
+        /* Mean transmittance of the lit range, relative to the part's. */
         const spsi_v less = spsi_max(spsi_sub(spsi_set(0), change), spsi_set(0));
         const spsi_v first = spsi_fma(change, reach->edges[0], less), last = spsi_fma(change, reach->edges[3], less);
         const spsi_v all = spsi_mean_transmittance(less, spsi_add(change, less));
@@ -20557,7 +20515,6 @@ static void spsi_shade_by_light(const spsi_shader *shader, const spsi_pixels *p,
         for (int c = 0; c < shader->frame->channels; ++c)
             spsi_add_light(light, c, spsi_mul(spsi_mul(once[c], sample->depth), response[c]), sent->once);
         if (!forward) continue;
-        /* Multiple forward scattering per unit of optical depth and unattenuated irradiance. */
         const int alike = !spsi_material_varies(material) && material->forward->level_count == 1;
         SPSI_ROLLED for (int c = 0; c < shader->frame->channels; ++c) {
             const spsi_v gas = spsi_sub(spsi_set(1), sample->surface), albedo = sample->color[c];
@@ -20694,7 +20651,6 @@ static spsi_v spsi_subslab_hidden(const spsi_shader *shader, const spsi_shadow *
     SPSI_ROLLED for (int i = 0; i < count; ++i) {
         const spsi_v d = spsi_fma(part->half, spsi_set((float)(2 * i + 1) / (float)count - 1), part->middle);
         spsi_row_linears_at(&arrival->linears, d, place);
-        /* Fraction of a penumbra's light that polygons stop. */
         const spsi_v k = spsi_floor(spsi_clamp(spsi_fma(d, scale, spsi_mul(layers, p->base)), spsi_set(0),
                                                spsi_set(SPSI_SUBSLABS * SPSI_CHUNK - 1)));
         spsi_v q[2];
@@ -21321,7 +21277,6 @@ static void spsi_surfaces_add_point(const spsi_shader *shader, const spsi_light 
     for (int i = 0; i < 3; ++i) normal[i] = spsi_load(list->normal[i]);
     spsi_set3(point->direction, travel);
     if (point->is_point) {
-        /* Vectors from a point, divided by `unit`. */
         const double per_unit = 1 / unit;
         for (int i = 0; i < 3; ++i) {
             float lanes[SPSI_LANES];

@@ -905,6 +905,31 @@ static inline int draw_panes(random_scene *x, uint64_t seed) {
     return 1;
 }
 
+/* Cuts a volume by faces, at most a third of it from each side. One in four is interpolated with what lies beyond its
+   box, half of these without a cut. */
+static inline void crop_volume(check_random *random, sps_volume *volume) {
+    if (one_in(random, 4)) volume->border = 1 + draw_below(random, 4);
+    if (volume->border && one_in(random, 2)) return;
+    for (int k = 0; k < 3; ++k) {
+        volume->crop[k] = draw_below(random, volume->size[k] / 3 + 1);
+        volume->crop[3 + k] = volume->size[k] - draw_below(random, volume->size[k] / 3 + 1);
+    }
+}
+
+/* Cuts all volumes. They are not splatted where that was drawn: footprints blur faces. */
+static inline void crop_all(random_scene *x, check_random *random) {
+    if (x->s.view.filling == SPS_FILLING_SPLAT) x->s.view.filling = SPS_FILLING_AUTO;
+    for (int i = 0; i < x->s.scene.volume_count; ++i) crop_volume(random, &x->s.volume[i]);
+}
+
+/* In one of three scenes that have a volume. Returns whether it does. */
+static inline int draw_crops(random_scene *x, uint64_t seed) {
+    check_random random = beside_scene(seed, 5);
+    if (x->levels[VOLUME] == VOLUME_NONE || !one_in(&random, 3)) return 0;
+    crop_all(x, &random);
+    return 1;
+}
+
 /* Gives all colors the value of one channel in another, but for those that callbacks compute: of curves, images and the
    sky. */
 static inline void copy_channel(random_scene *x, int from, int to) {

@@ -21,6 +21,7 @@ typedef struct outcome {
     int images; /* that lights throw */
     int cones;  /* spotlights */
     int panes;  /* 1: the mesh lets light pass */
+    int crops;  /* 1: volumes are cut */
     scene_report report;
     const char *reason; /* why it may fail; NULL: it may not, or is good */
     double seconds;     /* by all workers */
@@ -38,10 +39,10 @@ static void print_outcome(const soak *s, const outcome *o) {
     const scene_report *r = &o->report;
     printf("%6.2f %% %6.2f %%  bias %6.2f %% %6.2f %%  coverage %.4f  depth %.4f  mean %.2g  own %.2f %%  %d refined  "
            "%d images  "
-           "%d cones  %d panes  %.1f s  "
+           "%d cones  %d panes  %d crops  %.1f s  "
            "make soak SEED=%llu FIRST=%ld COUNT=1\n            ",
            100 * r->medium.light, 100 * r->high.light, 100 * r->medium.bias, 100 * r->high.bias, r->medium.coverage,
-           r->medium.depth, r->high.mean, 100 * r->own, r->refined, o->images, o->cones, o->panes, o->seconds,
+           r->medium.depth, r->high.mean, 100 * r->own, r->refined, o->images, o->cones, o->panes, o->crops, o->seconds,
            (unsigned long long)s->seed, o->number);
     print_levels(o->levels);
 }
@@ -185,17 +186,6 @@ static double values_sum(const sps_volume *volume) {
     return sum;
 }
 
-/* Cuts one volume in two by faces, at most a third of it from each side; one in four ends at its box, and is
-   interpolated with what lies beyond. */
-static void draw_crop(check_random *random, sps_volume *volume) {
-    const int cuts = one_in(random, 2);
-    for (int k = 0; k < 3 && cuts; ++k) {
-        volume->crop[k] = draw_below(random, volume->size[k] / 3 + 1);
-        volume->crop[3 + k] = volume->size[k] - draw_below(random, volume->size[k] / 3 + 1);
-    }
-    if (one_in(random, 4)) volume->border = 1 + draw_below(random, 4);
-}
-
 /* Every scene's first gas, alone and faint, whole or cut, from 4 pixels a voxel to 1/64 of one: the sum over pixels of
    its optical depth is that over its voxels. The distance and the quality are drawn by a generator of their own. A
    voxel of 0.54 pixels has one ray, which takes 17 % of a wave as long as a pixel for more; of that, noise and faces
@@ -211,7 +201,7 @@ static void soak_distance(sps_context *context, const random_scene *from, check_
     if (from->s.scene.volume_count == 0 || from->s.volume->transfer) return;
     x = *from;
     check_random apart = random;
-    draw_crop(&apart, x.s.volume);
+    if (one_in(&apart, 2)) crop_volume(&apart, x.s.volume);
     if (!((sum = values_sum(gas)) > 0)) return;
     x.s.scene.volumes = x.s.volume, x.s.scene.meshes = x.s.mesh, x.s.scene.lights = x.s.light;
     x.s.scene.volume_count = 1;
@@ -549,6 +539,7 @@ static void soak_scene(sps_context *context, soak *s, long number) {
     o.images = throw_images(&x, random.state);
     o.cones = narrow_cones(&x, random.state);
     o.panes = draw_panes(&x, random.state);
+    o.crops = draw_crops(&x, random.state);
     start = clock();
     o.report = measure_scene(context, &x, 1);
     if (scene_shown(&o.report) && !scene_good(&o.report)) o.reason = excuse(context, &x, &o.report);

@@ -33,10 +33,12 @@ typedef enum extra {
     CONES,            /* lamps are spotlights */
     TOLERANT,         /* tolerance is set */
     TWO_COLORS,       /* all colors agree in two channels, the same ones */
+    CROPS,            /* volumes are cut by faces of voxels */
     ALL_FEATURES
 } extra;
 
-static const char *const extra_names[ALL_FEATURES - FEATURES] = {"panes", "images", "cones", "tolerance", "two colors"};
+static const char *const extra_names[ALL_FEATURES - FEATURES] = {"panes",     "images",     "cones",
+                                                                 "tolerance", "two colors", "crops"};
 
 /* Levels that are paired. Area lights, images, cones and panes are left to soak, tests of their own and the long test:
    the reference samples each by 16 points at every place, or has to be refined, which would take this test minutes.
@@ -75,7 +77,7 @@ typedef struct pairs {
 
 /* The feature that another one depends on; its level 0 means that it is absent. */
 static int needs(int f) {
-    if (f == FIELD || f == SOURCE || f == PLACEMENT) return VOLUME;
+    if (f == FIELD || f == SOURCE || f == PLACEMENT || f == CROPS) return VOLUME;
     if (f == SHADOW || f == SIDE || f == OTHERS || f == IMAGES || f == CONES) return LIGHT;
     if (f == PANES) return MESH;
     return -1;
@@ -168,6 +170,7 @@ static void add_extras(random_scene *x, const int levels[ALL_FEATURES]) {
     if (levels[IMAGES]) throw_all(x, &random);
     x->s.view.tolerance = levels[TOLERANT] ? 0.05f : 0;
     if (levels[TWO_COLORS]) equalize(x, &random);
+    if (levels[CROPS]) crop_all(x, &random);
 }
 
 /* As measure_scene, but without a picture at high quality where the one at medium is good as it is: what is stated is

@@ -5488,22 +5488,27 @@ static void spsi_block_classify(spsi_voxels *voxels, int count) {
     }
 }
 
+/* Returns 0, and stores the failure, if invalid number `i` must not be replaced. */
+static int spsi_block_replaces(spsi_block *block, int i, float number, const char *field, const char *bounds) {
+    if (block->replace) return 1;
+    block->result = SPS_ERROR_DATA, block->field = field, block->bounds = bounds;
+    block->number = (double)number;
+    for (int k = 0; k < 3; i /= block->size[k++]) block->voxel[k] = block->low[k] + i % block->size[k];
+    return 0;
+}
+
 /* A layer's values become emission, or are multiplied by albedo. */
-static void spsi_block_color_layer(spsi_block *block, int z, const float *colors, float *values) {
+static void spsi_block_color_layer(spsi_block *block, int first, const float *colors, float *values) {
     const int glow = block->medium->part - SPSI_PART_GLOW_RED, c = block->medium->part - SPSI_PART_RED;
     for (int i = 0; i < block->size[0] * block->size[1]; ++i) {
         const float color = colors[3 * i + (glow >= 0 ? glow : c)];
         const int valid = color >= 0 && color <= (glow >= 0 ? SPSI_VALUE_MAX : 1);
-        if (valid || block->replace) {
-            block->replaced += !valid;
-            values[i] = !valid ? 0 : glow >= 0 ? color : color * values[i];
-            continue;
-        }
-        block->result = SPS_ERROR_DATA, block->number = (double)color, block->bounds = glow >= 0 ? "0..1e18" : "0..1";
-        block->field = glow >= 0 ? "appearance_fn's emission" : "appearance_fn's albedo";
-        block->voxel[0] = block->low[0] + i % block->size[0], block->voxel[1] = block->low[1] + i / block->size[0];
-        block->voxel[2] = z;
-        return;
+        if (!valid && !spsi_block_replaces(block, first + i, color,
+                                           glow >= 0 ? "appearance_fn's emission" : "appearance_fn's albedo",
+                                           glow >= 0 ? "0..1e18" : "0..1"))
+            return;
+        block->replaced += !valid;
+        values[i] = !valid ? 0 : glow >= 0 ? color : color * values[i];
     }
 }
 
@@ -5514,12 +5519,12 @@ static void spsi_block_color(spsi_voxels *voxels) {
     const int glows = block->medium->part >= SPSI_PART_GLOW_RED, size[3] = {block->size[0], block->size[1], 1};
     float *colors = (float *)(void *)voxels->positions;
     for (int z = 0; z < block->size[2] && block->result == SPS_OK; ++z) {
-        const int lo[3] = {block->low[0], block->low[1], block->low[2] + z};
+        const int lo[3] = {block->low[0], block->low[1], block->low[2] + z}, first = size[0] * size[1] * z;
         for (int i = 0; i < 3 * size[0] * size[1]; ++i) colors[i] = glows ? 0 : volume->albedo[i % 3];
         if (!spsi_block_called(block, "appearance_fn",
                                volume->appearance_fn(volume->user, lo, size, glows ? NULL : colors,
                                                      glows ? colors : NULL)))
-            spsi_block_color_layer(block, lo[2], colors, voxels->values + (size_t)(size[0] * size[1]) * (size_t)z);
+            spsi_block_color_layer(block, first, colors, voxels->values + first);
     }
 }
 
@@ -5558,21 +5563,12 @@ static void spsi_block_validate(spsi_voxels *voxels) {
     int invalid = 0;
     SPSI_ROLLED for (int i = 0; i < block->voxels_read; i += SPSI_LANES)
         invalid |= spsi_invalid_bits(spsi_load_first(value + i, block->voxels_read - i));
-    for (int z = 0; z < block->size[2] && invalid; ++z)
-        SPSI_ROLLED for (int y = 0; y < block->size[1]; ++y)
-            SPSI_ROLLED for (int x = 0; x < block->size[0]; ++x, ++value) {
-                if (*value >= 0 && *value <= SPSI_VALUE_MAX) continue;
-                if (block->replace) {
-                    *value = 0;
-                    block->replaced += !block->medium->again;
-                    continue;
-                }
-                block->result = SPS_ERROR_DATA, block->field = "value", block->bounds = "0..1e18";
-                block->number = (double)*value;
-                block->voxel[0] = block->low[0] + x, block->voxel[1] = block->low[1] + y;
-                block->voxel[2] = block->low[2] + z;
-                return;
-            }
+    for (int i = 0; i < block->voxels_read && invalid; ++i) {
+        if (value[i] >= 0 && value[i] <= SPSI_VALUE_MAX) continue;
+        if (!spsi_block_replaces(block, i, value[i], "value", "0..1e18")) return;
+        value[i] = 0;
+        block->replaced += !block->medium->again;
+    }
 }
 
 SPSI_COLD sps_result spsi_block_check(sps_context *context, const spsi_block *block) {
@@ -5669,8 +5665,6 @@ SPSI_COLD int spsi_blocks_next(spsi_block_walk *walk, spsi_block *block) {
 
 typedef struct spsi_reader {
     const sps_context *context;
-    const spsi_medium *medium;
-    const spsi_material *material;
     int asks;               /* 1: call range_fn first */
     int replace;            /* 1: invalid values count as 0 */
     spsi_call_stage part;   /* this volume's progress range */
@@ -5687,11 +5681,13 @@ SPSI_COLD int spsi_blocks_at_once(const sps_context *context, const spsi_medium 
     return count < most ? (int)count : most;
 }
 
-/* Requires reader->medium, material and asks. */
-SPSI_COLD sps_result spsi_reader_open(sps_context *context, spsi_reader *reader) {
+SPSI_COLD sps_result spsi_reader_open(sps_context *context, const spsi_medium *medium, const spsi_material *material,
+                                      int asks, spsi_reader *reader) {
+    memset(reader, 0, sizeof *reader);
     reader->context = context;
-    spsi_blocks_begin(reader->medium, reader->material, reader->asks, &reader->walk);
-    reader->at_once = spsi_blocks_at_once(context, reader->medium);
+    reader->asks = asks;
+    spsi_blocks_begin(medium, material, asks, &reader->walk);
+    reader->at_once = spsi_blocks_at_once(context, medium);
     reader->list = SPSI_RESERVE(context, SPSI_BUFFER_BLOCKS, (size_t)reader->at_once, spsi_voxels);
     return reader->list ? SPS_OK : context->result;
 }
@@ -5699,7 +5695,7 @@ SPSI_COLD sps_result spsi_reader_open(sps_context *context, spsi_reader *reader)
 /* Returns a block's voxels, or NULL if empty or invalid. Reads them if the volume is concurrent. */
 static spsi_voxels *spsi_reader_values(const spsi_reader *reader, int index) {
     spsi_voxels *voxels = &reader->list[index];
-    if (reader->medium->given.concurrent) spsi_block_read(voxels, reader->asks);
+    if (reader->walk.medium->given.concurrent) spsi_block_read(voxels, reader->asks);
     if (voxels->block.voxels_read > 0) spsi_block_validate(voxels);
     return voxels->block.voxels_read > 0 && voxels->block.result == SPS_OK ? voxels : NULL;
 }
@@ -5709,7 +5705,7 @@ SPSI_COLD sps_result spsi_reader_read(sps_context *context, spsi_reader *reader)
     for (int i = 0; i < reader->count; ++i) {
         const double done = (double)(reader->walk.next - reader->count + i) / (double)reader->walk.end;
         if (spsi_progress(context, spsi_call_stage_done(&reader->part, done))) return context->result;
-        if (reader->medium->given.concurrent) break;
+        if (reader->walk.medium->given.concurrent) break;
         spsi_block_read(&reader->list[i], reader->asks);
         if (reader->list[i].block.result != SPS_OK) reader->count = i + 1;
     }
@@ -5820,7 +5816,7 @@ static void spsi_block_task(void *data, int index, int worker) {
     (void)worker;
     memset(reader->list[index].brick_voxels, 0, sizeof reader->list[index].brick_voxels);
     if (!voxels || !spsi_block_mark(voxels)) return;
-    if (reader->material->table) spsi_block_spread(voxels);
+    if (reader->walk.material->table) spsi_block_spread(voxels);
     SPSI_ROLLED for (int i = 0; i < SPSI_BLOCK_BRICKS; ++i) {
         int base[3];
         if (!spsi_block_brick(&voxels->block, i, base)) continue;
@@ -5891,16 +5887,6 @@ SPSI_COLD sps_result spsi_block_add_bricks(sps_context *context, spsi_voxels *vo
     return SPS_OK;
 }
 
-static void spsi_brick_bound(spsi_brick *brick, const uint64_t steps[3]) {
-    for (int k = 0; k < 3; ++k) {
-        int low = 0, high = SPSI_BRICK - 1;
-        while (!(steps[k] >> low & 1)) ++low;
-        while (!(steps[k] >> high & 1)) --high;
-        brick->low[k] = (unsigned char)low;
-        brick->high[k] = (unsigned char)high;
-    }
-}
-
 /* Copies a brick's relevant voxels; for a segment's last brick, zeroes the padding. */
 static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, spsi_brick *brick) {
     uint64_t steps[3] = {0, 0, 0};
@@ -5928,7 +5914,13 @@ static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, sp
             steps[2] |= UINT64_C(1) << z;
         }
     }
-    spsi_brick_bound(brick, steps);
+    for (int k = 0; k < 3; ++k) {
+        int low = 0, high = SPSI_BRICK - 1;
+        while (!(steps[k] >> low & 1)) ++low;
+        while (!(steps[k] >> high & 1)) --high;
+        brick->low[k] = (unsigned char)low;
+        brick->high[k] = (unsigned char)high;
+    }
     if (at < segment->used) return;
     for (int i = 0; i < SPSI_PADDING; ++i) segment->place[at + i] = 0, segment->value[at + i] = 0;
 }
@@ -5943,17 +5935,12 @@ static void spsi_bricks_fill_task(void *data, int index) {
 
 SPSI_COLD sps_result spsi_gather_medium(sps_context *context, const spsi_frame *frame, int medium, int *current) {
     const spsi_medium *read = &frame->media[medium];
-    const spsi_material *material = &frame->matter.materials[read->channel];
     const double share = SPSI_PROGRESS_GATHER / frame->medium_count;
     spsi_reader reader;
-    memset(&reader, 0, sizeof reader);
-    reader.medium = read;
-    reader.material = material;
-    reader.asks = 1;
+    if (spsi_reader_open(context, read, &frame->matter.materials[read->channel], 1, &reader)) return context->result;
     reader.replace = frame->given.replace_invalid;
     reader.part.progress = share * medium;
     reader.part.share = share;
-    if (spsi_reader_open(context, &reader)) return context->result;
     while (reader.walk.next < reader.walk.end) {
         const int before = context->brick_count;
         if (spsi_reader_next(context, &reader, spsi_block_task, &reader)) return context->result;
@@ -5964,19 +5951,6 @@ SPSI_COLD sps_result spsi_gather_medium(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Hash of what decides which voxels are relevant, and their values. */
-static uint64_t spsi_classified_fingerprint(uint64_t hash, const spsi_medium *medium, const spsi_material *material) {
-    const spsi_material *by_voxel = medium->classifier;
-    if (material->table) {
-        hash = spsi_fingerprint(hash, &material->table->last_clear, sizeof material->table->last_clear);
-        hash = spsi_fingerprint(hash, &material->table_scale, sizeof material->table_scale);
-    }
-    if (!by_voxel) return hash;
-    hash = spsi_fingerprint(hash, by_voxel->table->entry, sizeof by_voxel->table->entry);
-    if (by_voxel->glow) hash = spsi_fingerprint(hash, *by_voxel->glow, sizeof *by_voxel->glow);
-    return spsi_fingerprint(hash, &by_voxel->table_scale, sizeof by_voxel->table_scale);
-}
-
 /* Hash of the inputs to gathering; 0 if a revision is missing. */
 static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->given.replace_invalid, sizeof(int));
@@ -5984,6 +5958,7 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
         const spsi_medium *medium = &frame->media[i];
         const sps_volume *volume = &medium->given;
         const spsi_lattice *lattice = medium->lattice;
+        const spsi_material *material = &frame->matter.materials[medium->channel], *by_voxel = medium->classifier;
         if (volume->revision == 0) return 0;
         hash = spsi_fingerprint(hash, volume->size, sizeof volume->size);
         hash = spsi_fingerprint(hash, medium->low, sizeof medium->low);
@@ -5999,7 +5974,14 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
         if (volume->appearance_fn) hash = spsi_fingerprint(hash, volume->albedo, sizeof volume->albedo);
         if (volume->eval_fn) hash = spsi_fingerprint(hash, lattice->step, sizeof lattice->step);
         if (volume->eval_fn) hash = spsi_fingerprint(hash, lattice->corner, sizeof lattice->corner);
-        hash = spsi_classified_fingerprint(hash, medium, &frame->matter.materials[medium->channel]);
+        if (material->table) {
+            hash = spsi_fingerprint(hash, &material->table->last_clear, sizeof material->table->last_clear);
+            hash = spsi_fingerprint(hash, &material->table_scale, sizeof material->table_scale);
+        }
+        if (!by_voxel) continue;
+        hash = spsi_fingerprint(hash, by_voxel->table->entry, sizeof by_voxel->table->entry);
+        if (by_voxel->glow) hash = spsi_fingerprint(hash, *by_voxel->glow, sizeof *by_voxel->glow);
+        hash = spsi_fingerprint(hash, &by_voxel->table_scale, sizeof by_voxel->table_scale);
     }
     return hash | 1;
 }
@@ -6296,17 +6278,6 @@ SPSI_COLD void spsi_bound_range(const spsi_bound_grid *grid, const spsi_bounds *
     }
 }
 
-SPSI_COLD void spsi_bound_raise(const spsi_bound_grid *grid, const spsi_bounds *box, float extinction) {
-    int low[3], high[3];
-    spsi_bound_range(grid, box, low, high);
-    for (int z = low[2]; z <= high[2]; ++z)
-        for (int y = low[1]; y <= high[1]; ++y)
-            for (int x = low[0]; x <= high[0]; ++x) {
-                float *cell = &grid->own[(z * SPSI_BOUND_SIDE + y) * SPSI_BOUND_SIDE + x];
-                *cell = spsi_fmax(*cell, extinction);
-            }
-}
-
 /* Maximum extinction for values up to the brick's maximum, which kernel sums do not exceed. */
 SPSI_COLD float spsi_brick_extinction(const spsi_material *material, const spsi_brick *brick) {
     float extinction = 0;
@@ -6370,9 +6341,17 @@ SPSI_COLD void spsi_bound_add_volumes(const sps_context *context, const spsi_fra
         const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
         memset(grid->own, 0, SPSI_BOUND_CELLS * sizeof *grid->own);
         for (; i < context->brick_count && bricks[i].lattice == medium; ++i) {
+            const float extinction = spsi_brick_extinction(material, &bricks[i]);
+            int low[3], high[3];
             spsi_bounds box;
             spsi_brick_bounds(frame, &bricks[i], &box);
-            spsi_bound_raise(grid, &box, spsi_brick_extinction(material, &bricks[i]));
+            spsi_bound_range(grid, &box, low, high);
+            for (int z = low[2]; z <= high[2]; ++z)
+                for (int y = low[1]; y <= high[1]; ++y)
+                    for (int x = low[0]; x <= high[0]; ++x) {
+                        float *cell = &grid->own[(z * SPSI_BOUND_SIDE + y) * SPSI_BOUND_SIDE + x];
+                        *cell = spsi_fmax(*cell, extinction);
+                    }
         }
         for (int cell = 0; cell < SPSI_BOUND_CELLS; ++cell) grid->all[cell] += grid->own[cell];
     }
@@ -6505,11 +6484,6 @@ static inline float spsi_tree_middle(const spsi_tree_item *item, int axis) {
     return item->low[axis] + item->high[axis];
 }
 
-typedef struct spsi_tree_bin {
-    float low[3], high[3];
-    int count;
-} spsi_tree_bin;
-
 /* Bins 0..last form the first child. last < 0: no cut. */
 typedef struct spsi_tree_cut {
     int axis, last;
@@ -6520,13 +6494,13 @@ static inline int spsi_tree_bin_of(const spsi_tree_cut *cut, const spsi_tree_ite
     return spsi_imin((int)((spsi_tree_middle(item, cut->axis) - cut->start) * cut->scale), SPSI_TREE_BINS - 1);
 }
 
-static const spsi_tree_bin spsi_tree_empty = {{FLT_MAX, FLT_MAX, FLT_MAX}, {-FLT_MAX, -FLT_MAX, -FLT_MAX}, 0};
+static const spsi_tree_node spsi_tree_empty = {{FLT_MAX, FLT_MAX, FLT_MAX}, {-FLT_MAX, -FLT_MAX, -FLT_MAX}, 0, 0};
 
-static int spsi_tree_cheapest(const spsi_tree_bin *bins, float unit) {
+static int spsi_tree_cheapest(const spsi_tree_node *bins, float unit) {
     float cost[SPSI_TREE_BINS], least = FLT_MAX;
     int last = -1;
     for (int side = 0; side < 2; ++side) {
-        spsi_tree_bin sum = spsi_tree_empty;
+        spsi_tree_node sum = spsi_tree_empty;
         SPSI_ROLLED for (int i = 0; i < SPSI_TREE_BINS; ++i) {
             const int bin = side ? SPSI_TREE_BINS - 1 - i : i;
             if (side && sum.count > 0 && cost[bin] < FLT_MAX) {
@@ -6543,7 +6517,7 @@ static int spsi_tree_cheapest(const spsi_tree_bin *bins, float unit) {
 
 static void spsi_tree_plan_cut(const spsi_tree_item *items, spsi_tree_node *node, int depth, spsi_tree_cut *cut) {
     float low[3] = {FLT_MAX, FLT_MAX, FLT_MAX}, high[3] = {-FLT_MAX, -FLT_MAX, -FLT_MAX}, size = 0;
-    spsi_tree_bin bins[SPSI_TREE_BINS];
+    spsi_tree_node bins[SPSI_TREE_BINS];
     for (int k = 0; k < 3; ++k) node->low[k] = FLT_MAX, node->high[k] = -FLT_MAX;
     for (int i = node->first; i < node->first + node->count; ++i) {
         float middle[3];
@@ -6562,7 +6536,7 @@ static void spsi_tree_plan_cut(const spsi_tree_item *items, spsi_tree_node *node
     if (!(cut->scale <= FLT_MAX) || !(size <= FLT_MAX)) return;
     for (int i = 0; i < SPSI_TREE_BINS; ++i) bins[i] = spsi_tree_empty;
     for (int i = node->first; i < node->first + node->count; ++i) {
-        spsi_tree_bin *bin = &bins[spsi_tree_bin_of(cut, &items[i])];
+        spsi_tree_node *bin = &bins[spsi_tree_bin_of(cut, &items[i])];
         spsi_tree_box_add(bin->low, bin->high, items[i].low, items[i].high);
         bin->count += 1;
     }
@@ -6809,13 +6783,6 @@ static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *
     return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, field, value, rules[wrong]);
 }
 
-/* Equal vertices map to identical bits. */
-static void spsi_to_world(const sps_placement *placement, const float local[3], double world[3]) {
-    memcpy(world, placement->origin, sizeof placement->origin);
-    for (int i = 0; i < 9; ++i)
-        world[i % 3] = spsi_multiply_add(placement->axis[i / 3][i % 3], (double)local[i / 3], world[i % 3]);
-}
-
 /* Vertex normals, or the facet's. Cofactors keep them perpendicular under affine maps. */
 static void spsi_face_normals(const spsi_mesh *mesh, const sps_triangle *triangle, const double own[3],
                               spsi_face *face) {
@@ -6880,6 +6847,7 @@ static void spsi_face_add(const spsi_frame *frame, const spsi_mesh *mesh, const 
 
 SPSI_COLD sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame, const spsi_mesh *mesh,
                                       spsi_face_lists *lists) {
+    const sps_placement *placement = &mesh->given.placement;
     sps_triangle *triangles = SPSI_RESERVE(context, SPSI_BUFFER_BLOCKS, SPSI_TRIANGLE_BATCH, sps_triangle);
     if (!triangles) return context->result;
     for (size_t first = 0; first < mesh->given.triangle_count; first += SPSI_TRIANGLE_BATCH) {
@@ -6896,7 +6864,12 @@ SPSI_COLD sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *fr
         if (spsi_check_call(context, SPS_OBJECT_MESH, mesh->index, "read_fn", failed)) return context->result;
         for (size_t i = 0; i < count; ++i) {
             double world[3][3];
-            for (int k = 0; k < 3; ++k) spsi_to_world(&mesh->given.placement, triangles[i].position[k], world[k]);
+            for (int k = 0; k < 3; ++k) { /* equal vertices map to identical bits */
+                memcpy(world[k], placement->origin, sizeof world[k]);
+                for (int n = 0; n < 9; ++n)
+                    world[k][n % 3] = spsi_multiply_add(placement->axis[n / 3][n % 3],
+                                                        (double)triangles[i].position[k][n / 3], world[k][n % 3]);
+            }
             if (spsi_triangle_check(context, &triangles[i], mesh, first + i, world)) return context->result;
             spsi_face_add(frame, mesh, &triangles[i], first + i, world, lists);
         }
@@ -7284,16 +7257,6 @@ static int spsi_face_is_flat(const spsi_face *face) {
            memcmp(face->normal[0], face->normal[2], sizeof face->normal[0]) == 0;
 }
 
-/* Interpolated normal, not normalised. plane: facet normal. */
-static void spsi_face_normal(const spsi_face *face, const spsi_hit *hit, const double plane[3], double normal[3]) {
-    double w[3];
-    spsi_hit_weights(hit, w);
-    for (int i = 0; i < 3; ++i)
-        normal[i] =
-            w[0] * (double)face->normal[0][i] + w[1] * (double)face->normal[1][i] + w[2] * (double)face->normal[2][i];
-    if (!(spsi_dot(normal, normal) > 0)) memcpy(normal, plane, 3 * sizeof *plane);
-}
-
 /* Requires surface->point. plane: facet normal. */
 static void spsi_surface_face(const spsi_face *face, const spsi_hit *hit, const double plane[3], const double ray[3],
                               spsi_surface *surface) {
@@ -7302,8 +7265,11 @@ static void spsi_surface_face(const spsi_face *face, const spsi_hit *hit, const 
     for (int i = 0; i < 3; ++i) surface->normal[i] = (double)face->normal[0][i];
     if (!spsi_face_is_flat(face)) {
         double w[3];
-        spsi_face_normal(face, hit, plane, surface->normal);
         spsi_hit_weights(hit, w);
+        for (int i = 0; i < 3; ++i)
+            surface->normal[i] = w[0] * (double)face->normal[0][i] + w[1] * (double)face->normal[1][i] +
+                                 w[2] * (double)face->normal[2][i];
+        if (!(spsi_dot(surface->normal, surface->normal) > 0)) memcpy(surface->normal, plane, sizeof surface->normal);
         spsi_surface_raise(face, w, plane, turned, surface);
     }
     if ((spsi_dot(surface->normal, plane) < 0) != turned)
@@ -7393,16 +7359,6 @@ typedef struct spsi_layers_job {
 static size_t spsi_layer_scratch_bytes(const spsi_rays *eye, int samples) {
     const size_t row = (size_t)eye->width, fine = row * SPSI_LAYER_ROWS * (size_t)(samples * samples);
     return row * (sizeof(uint64_t) + sizeof(double)) + (samples > 1 ? fine * (sizeof(float) + sizeof(int)) : 0);
-}
-
-static void spsi_layer_scratch_of(const spsi_layers_job *job, int worker, spsi_layer_scratch *scratch) {
-    const spsi_rays *eye = job->rays;
-    const size_t fine = (size_t)eye->width * SPSI_LAYER_ROWS * (size_t)(job->samples * job->samples);
-    char *memory = job->scratch + (size_t)worker * spsi_layer_scratch_bytes(eye, job->samples);
-    scratch->masks = (uint64_t *)(void *)memory;
-    scratch->sums = (double *)(void *)(scratch->masks + eye->width);
-    scratch->depths = (float *)(void *)(scratch->sums + eye->width);
-    scratch->numbers = (int *)(void *)(scratch->depths + fine);
 }
 
 /* Entry p + 2 counts pixel p's fragments. After a prefix sum, entry p + 1 is their start; after listing, their end. */
@@ -7597,9 +7553,13 @@ static void spsi_layers_task(void *data, int index, int worker) {
     const int n = job->samples, top = index * SPSI_LAYER_ROWS;
     const int bottom = spsi_imin(eye->height, top + SPSI_LAYER_ROWS) - 1;
     spsi_raster raster = job->raster;
-    spsi_layer_scratch scratch;
     if (job->context && job->context->cancelled) return;
-    spsi_layer_scratch_of(job, worker, &scratch);
+    char *memory = job->scratch + (size_t)worker * spsi_layer_scratch_bytes(eye, n);
+    spsi_layer_scratch scratch;
+    scratch.masks = (uint64_t *)(void *)memory;
+    scratch.sums = (double *)(void *)(scratch.masks + eye->width);
+    scratch.depths = (float *)(void *)(scratch.sums + eye->width);
+    scratch.numbers = (int *)(void *)(scratch.depths + (size_t)eye->width * SPSI_LAYER_ROWS * (size_t)(n * n));
     memset(scratch.masks, 0, (size_t)eye->width * (sizeof *scratch.masks + sizeof *scratch.sums));
     raster.depths = scratch.depths;
     raster.numbers = scratch.numbers;
@@ -7861,21 +7821,21 @@ typedef struct spsi_visible {
     const float *received;  /* irradiance from cells and flights, per pixel and channel; NULL: none */
 } spsi_visible;
 
-static void spsi_shading_point_of_pixel(const spsi_frame *frame, const spsi_visible *visible, int x, int y,
-                                        spsi_shading_point *place) {
+static spsi_shading_point spsi_shading_point_of_pixel(const spsi_frame *frame, const spsi_visible *visible, int x,
+                                                      int y) {
     const size_t index = (size_t)y * (size_t)frame->content->eye.width + (size_t)x;
     const spsi_shading_point found = {&visible->hits[index], x, y, {(double)x, (double)y}, index};
-    *place = found;
+    return found;
 }
 
-static void spsi_shading_point_of_layer(const spsi_frame *frame, const spsi_visible *visible, size_t number,
-                                        spsi_shading_point *place) {
+static spsi_shading_point spsi_shading_point_of_layer(const spsi_frame *frame, const spsi_visible *visible,
+                                                      size_t number) {
     const spsi_layer *layer = &visible->layers.list[number];
     const size_t index = spsi_ray_count(&frame->content->eye) + number;
     const int x = (int)(layer->pixel % (uint32_t)frame->content->eye.width);
     const int y = (int)(layer->pixel / (uint32_t)frame->content->eye.width);
     const spsi_shading_point found = {&layer->hit, x, y, {x + (double)layer->at[0], y + (double)layer->at[1]}, index};
-    *place = found;
+    return found;
 }
 
 SPSI_COLD size_t spsi_shading_point_count(const spsi_frame *frame, const spsi_visible *visible) {
@@ -7926,19 +7886,6 @@ typedef struct spsi_surface_batch {
     sps_surface out[SPSI_SURFACE_BATCH];
 } spsi_surface_batch;
 
-/* Change of barycentric weights to the next pixel, whose ray differs by `step`. u, v: the triangle's edges. */
-static void spsi_weights_step(const double ray[3], const double step[3], const double u[3], const double v[3],
-                              double change[3]) {
-    double n[3], across[3], along[3];
-    spsi_cross(u, v, n);
-    spsi_along(step, ray, -spsi_dot(n, step) / spsi_dot(n, ray), along);
-    spsi_cross(along, v, across);
-    change[1] = spsi_dot(across, n) / spsi_dot(n, n);
-    spsi_cross(u, along, across);
-    change[2] = spsi_dot(across, n) / spsi_dot(n, n);
-    change[0] = -change[1] - change[2];
-}
-
 static double spsi_uv_mean(const spsi_face_texture *texture, const double w[3], int i) {
     return w[0] * (double)texture->uv[0][i] + w[1] * (double)texture->uv[1][i] + w[2] * (double)texture->uv[2][i];
 }
@@ -7946,13 +7893,19 @@ static double spsi_uv_mean(const spsi_face_texture *texture, const double w[3], 
 /* Screen-space derivative of uv; axis: the eye's a for x, b for y. */
 static void spsi_uv_step(const spsi_rays *eye, const spsi_face *face, const spsi_face_texture *texture,
                          const spsi_shading_point *at, double depth, const double axis[3], float change[2]) {
-    double ray[3], step[3], u[3], v[3], w[3];
+    double ray[3], step[3], u[3], v[3], n[3], across[3], along[3], w[3];
     const double scale = eye->perspective ? depth : 1;
     spsi_ray_direction(eye, at->at[0], at->at[1], ray);
     for (int i = 0; i < 3; ++i) step[i] = scale * axis[i];
     spsi_along(face->position[1], face->position[0], -1, u);
     spsi_along(face->position[2], face->position[0], -1, v);
-    spsi_weights_step(ray, step, u, v, w);
+    spsi_cross(u, v, n);
+    spsi_along(step, ray, -spsi_dot(n, step) / spsi_dot(n, ray), along);
+    spsi_cross(along, v, across);
+    w[1] = spsi_dot(across, n) / spsi_dot(n, n);
+    spsi_cross(u, along, across);
+    w[2] = spsi_dot(across, n) / spsi_dot(n, n);
+    w[0] = -w[1] - w[2];
     for (int i = 0; i < 2; ++i) change[i] = (float)spsi_dmax(-1e30, spsi_dmin(1e30, spsi_uv_mean(texture, w, i)));
 }
 
@@ -8043,12 +7996,9 @@ SPSI_COLD sps_result spsi_surface_batch_add(sps_context *context, spsi_surface_b
     spsi_pixel_layers(visible, pixel, layers);
     for (size_t n = layers[0]; n <= layers[1]; ++n) {
         const int face = n > layers[0] ? visible->layers.list[n - 1].hit.face : visible->hits[pixel].face;
-        spsi_shading_point *place = &batch->place[batch->count];
         if (face < begin || face >= batch->faces->meshes[batch->mesh].end) continue;
-        if (n > layers[0])
-            spsi_shading_point_of_layer(batch->frame, visible, n - 1, place);
-        else
-            spsi_shading_point_of_pixel(batch->frame, visible, x, y, place);
+        batch->place[batch->count] = n > layers[0] ? spsi_shading_point_of_layer(batch->frame, visible, n - 1)
+                                                   : spsi_shading_point_of_pixel(batch->frame, visible, x, y);
         if (++batch->count == SPSI_SURFACE_BATCH && spsi_surface_batch_shade(context, batch, set))
             return context->result;
     }
@@ -8210,25 +8160,6 @@ static int spsi_face_passes(const spsi_face *face, const double origin[3], const
     return spsi_face_hit_exactly((const double(*)[3])corner, 0, 0, 0);
 }
 
-/* 32.32 fixed-point optical depth, at most 86, so 4e7 can be summed. */
-static uint64_t spsi_filter_of(float transmittance) {
-    const double depth = transmittance > 0 ? -log((double)transmittance) : (double)SPSI_DEPTH_MAX;
-    return (uint64_t)(spsi_dmin(depth, 86) * 4294967296.0);
-}
-
-static void spsi_packet_filter(const spsi_face *face, int number, spsi_packet *packet) {
-    for (int first = 0; packet->open >> first; first += SPSI_LANES) {
-        const int met = spsi_face_stops(face, packet, first) << first & packet->open;
-        for (int at = first; met >> at > 0; ++at) {
-            const double origin[3] = {packet->origin[0][at], packet->origin[1][at], packet->origin[2][at]};
-            const double toward[3] = {packet->toward[0][at], packet->toward[1][at], packet->toward[2][at]};
-            if (!(met >> at & 1) || packet->own[at] == number || !spsi_face_passes(face, origin, toward)) continue;
-            for (int c = 0; c < 3; ++c) packet->filter[c][at] += spsi_filter_of(face->transmittance[c]);
-            packet->filtered |= 1 << at;
-        }
-    }
-}
-
 static void spsi_packet_through(const spsi_packet *packet, int at, double through[3]) {
     for (int c = 0; c < 3; ++c) {
         const double depth = (double)packet->filter[c][at] / 4294967296.0;
@@ -8236,16 +8167,26 @@ static void spsi_packet_through(const spsi_packet *packet, int at, double throug
     }
 }
 
-static void spsi_packet_meet_face(const spsi_faces *faces, int number, int bits, spsi_packet *packet) {
-    if (spsi_face_is_translucent(&faces->list[number])) {
-        spsi_packet_filter(&faces->list[number], number, packet);
-        return;
-    }
-    for (int first = 0; first < SPSI_PACKET; first += SPSI_LANES) {
-        if (!(bits >> first & SPSI_ALL_LANES)) continue;
-        const int stopped = spsi_face_stops(&faces->list[number], packet, first) << first & packet->open;
-        for (int at = first; stopped >> at > 0; ++at)
-            if (stopped >> at & 1 && packet->own[at] != number) packet->open &= ~(1 << at);
+/* Closes rays that the face stops, or filters them, at an optical depth of at most 86, so 4e7 can be summed. */
+static void spsi_packet_meet_face(const spsi_faces *faces, int number, spsi_packet *packet) {
+    const spsi_face *face = &faces->list[number];
+    const int translucent = spsi_face_is_translucent(face), open = packet->open;
+    for (int first = 0; open >> first > 0; first += SPSI_LANES) {
+        if (!(open >> first & SPSI_ALL_LANES)) continue;
+        const int met = spsi_face_stops(face, packet, first) << first & open;
+        for (int at = first; met >> at > 0; ++at) {
+            if (!(met >> at & 1) || packet->own[at] == number) continue;
+            const double origin[3] = {packet->origin[0][at], packet->origin[1][at], packet->origin[2][at]};
+            const double toward[3] = {packet->toward[0][at], packet->toward[1][at], packet->toward[2][at]};
+            if (!translucent) packet->open &= ~(1 << at);
+            if (!translucent || !spsi_face_passes(face, origin, toward)) continue;
+            for (int c = 0; c < 3; ++c) {
+                const float passes = face->transmittance[c];
+                const double depth = passes > 0 ? -log((double)passes) : (double)SPSI_DEPTH_MAX;
+                packet->filter[c][at] += (uint64_t)(spsi_dmin(depth, 86) * 4294967296.0);
+            }
+            packet->filtered |= 1 << at;
+        }
     }
 }
 
@@ -8261,7 +8202,7 @@ static void spsi_packet_trace(const spsi_faces *faces, spsi_packet *packet) {
     while (top > 0 && packet->open) {
         const spsi_tree_node *node = &tree->nodes[stack[--top]];
         for (int i = 0; i < node->count; ++i)
-            spsi_packet_meet_face(faces, tree->order[node->first + i], packet->open, packet);
+            spsi_packet_meet_face(faces, tree->order[node->first + i], packet);
         for (int child = node->first; child < node->first + 2 && node->count == 0; ++child)
             if (spsi_packet_meets(packet, &tree->nodes[child], reach)) stack[top++] = child;
     }
@@ -8269,15 +8210,7 @@ static void spsi_packet_trace(const spsi_faces *faces, spsi_packet *packet) {
 
 /* --- faces near a point --- */
 
-/* True if the face's plane cuts a cube. */
-static int spsi_face_near(const spsi_face *face, const double centre[3], double half) {
-    double plane[3], offset[3];
-    spsi_face_plane(face, plane);
-    spsi_along(centre, face->position[0], -1, offset);
-    return fabs(spsi_dot(plane, offset)) <= half * (fabs(plane[0]) + fabs(plane[1]) + fabs(plane[2]));
-}
-
-/* True if a face may cut a box: tests tree nodes and planes. */
+/* True if a face may cut a box: tests tree nodes, and whether planes cut the box's cube. */
 static int spsi_faces_near(const spsi_faces *faces, const double centre[3], const double half[3]) {
     const double most = spsi_dmax(half[0], spsi_dmax(half[1], half[2]));
     const spsi_ray still = {{centre[0], centre[1], centre[2]}, {0, 0, 0}, 0, 0};
@@ -8285,8 +8218,12 @@ static int spsi_faces_near(const spsi_faces *faces, const double centre[3], cons
     int number;
     spsi_walk_begin(&faces->tree, &walk);
     memcpy(walk.half, half, sizeof walk.half);
-    while ((number = spsi_walk_on(&walk, &still)) >= 0)
-        if (spsi_face_near(&faces->list[number], centre, most)) return 1;
+    while ((number = spsi_walk_on(&walk, &still)) >= 0) {
+        double plane[3], offset[3];
+        spsi_face_plane(&faces->list[number], plane);
+        spsi_along(centre, faces->list[number].position[0], -1, offset);
+        if (fabs(spsi_dot(plane, offset)) <= most * (fabs(plane[0]) + fabs(plane[1]) + fabs(plane[2]))) return 1;
+    }
     return 0;
 }
 
@@ -20915,9 +20852,9 @@ static void spsi_visibility_row_task(void *data, int index, int worker) {
         spsi_visibility_surfaces block;
         block.used = 0;
         for (int n = 0; n < SPSI_PACKET; ++n) {
-            spsi_shading_point place;
-            if (!spsi_in_region(job->frame, x0 + n % side, y0 + n / side)) continue;
-            spsi_shading_point_of_pixel(job->frame, job->visible, x0 + n % side, y0 + n / side, &place);
+            const int x = x0 + n % side, y = y0 + n / side;
+            if (!spsi_in_region(job->frame, x, y)) continue;
+            const spsi_shading_point place = spsi_shading_point_of_pixel(job->frame, job->visible, x, y);
             if (place.hit->face >= 0) spsi_visibility_add(job, &place, n, &block);
         }
         spsi_visibility_trace(job, worker, &block);
@@ -20930,8 +20867,7 @@ static void spsi_visibility_layers_task(void *data, int index, int worker) {
     spsi_visibility_surfaces block;
     block.used = 0;
     for (size_t i = first; i < first + SPSI_PACKET && i < count; ++i) {
-        spsi_shading_point place;
-        spsi_shading_point_of_layer(job->frame, job->visible, i, &place);
+        const spsi_shading_point place = spsi_shading_point_of_layer(job->frame, job->visible, i);
         if (spsi_in_region(job->frame, place.x, place.y)) spsi_visibility_add(job, &place, (int)(i - first), &block);
     }
     spsi_visibility_trace(job, worker, &block);
@@ -21123,9 +21059,8 @@ static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, int side
     for (int n = 0; n < width * height && (even || side == 2 * SPSI_RECEIVED_STEP); ++n) {
         const int x = n % width, y = n / width;
         const float at[2] = {2 * (float)x / (float)side - 1, 2 * (float)y / (float)side - 1};
-        spsi_shading_point place;
+        const spsi_shading_point place = spsi_shading_point_of_pixel(job->frame, job->visible, x0 + x, y0 + y);
         spsi_received own;
-        spsi_shading_point_of_pixel(job->frame, job->visible, x0 + x, y0 + y, &place);
         if (place.hit->face < 0 || !spsi_in_region(job->frame, x0 + x, y0 + y)) continue;
         if (!even) spsi_receive(job, place.hit, place.at[0], place.at[1], &own);
         for (int c = 0; c < channels; ++c)
@@ -21507,10 +21442,9 @@ static void spsi_add_polygons(const spsi_shader *shader, int bits, int of_layers
     for (int lane = 0; bits >> lane; ++lane) {
         spsi_shading_point *place = &list.place[lane];
         if (!(bits >> lane & 1)) continue;
-        if (of_layers)
-            spsi_shading_point_of_layer(shader->frame, shader->visible, spsi_pending_next(shader, ahead, lane), place);
-        else
-            spsi_shading_point_of_pixel(shader->frame, shader->visible, p->x + lane, p->y, place);
+        *place = of_layers ? spsi_shading_point_of_layer(shader->frame, shader->visible,
+                                                         spsi_pending_next(shader, ahead, lane))
+                           : spsi_shading_point_of_pixel(shader->frame, shader->visible, p->x + lane, p->y);
         if (place->hit->face >= 0) spsi_surfaces_add(shader, lane, &list); /* otherwise an edge, drawn by layers */
     }
     spsi_surfaces_shade(shader, &list);
@@ -26591,7 +26525,7 @@ typedef struct spsi_dense_job {
 static void spsi_dense_task(void *data, int index, int worker) {
     const spsi_dense_job *job = (const spsi_dense_job *)data;
     const spsi_voxels *voxels = spsi_reader_values(&job->reader, index);
-    const int *first = job->reader.medium->low, *end = job->reader.medium->high;
+    const int *first = job->reader.walk.medium->low, *end = job->reader.walk.medium->high;
     (void)worker;
     if (!voxels) return;
     for (int z = voxels->block.core_low[2]; z < voxels->block.core_high[2]; ++z)
@@ -26608,12 +26542,9 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
     spsi_material plain;
     spsi_dense_job job;
     memset(&plain, 0, sizeof plain); /* not classified: blocks without margins */
-    memset(&job, 0, sizeof job);
+    if (spsi_reader_open(context, &frame->media[medium], &plain, 0, &job.reader)) return context->result;
     job.values = grid->values;
-    job.reader.medium = &frame->media[medium];
-    job.reader.material = &plain;
     job.reader.replace = frame->given.replace_invalid;
-    if (spsi_reader_open(context, &job.reader)) return context->result;
     while (job.reader.walk.next < job.reader.walk.end)
         if (spsi_reader_next(context, &job.reader, spsi_dense_task, &job)) return context->result;
     for (int z = 0; z < grid->size[2]; spsi_tick(context, 0), ++z)
@@ -26745,7 +26676,6 @@ SPSI_COLD sps_result spsi_march_build(sps_context *context, const spsi_frame *fr
 #define SPSI_BRACKET_STEPS    1e8   /* maximum per ray */
 #define SPSI_BRACKET_DARK     27.6  /* behind this optical depth, no shadow rays: 1e-12 passes */
 #define SPSI_BRACKET_ROOM     1e-9  /* relative tolerance, at shadow edges */
-
 
 /* Bounds on sums of kernels' k-th derivatives along a unit vector, in voxels: maxima found, plus 1 %. Sums: of absolute
    values. Ripples: of signed values, ideally constant. Tails: of absolute values beyond the taps, up to

@@ -3098,17 +3098,6 @@ static inline int spsi_interval_less(const spsi_interval *a, const spsi_interval
     return a->soft < b->soft;
 }
 
-/* Merges two sorted parts. Leading items already in order are not moved, so nearly sorted lists are cheap. */
-static void spsi_intervals_merge(spsi_interval *list, size_t half, size_t count, spsi_interval *scratch) {
-    size_t to = half, left = 0, right = half, moved;
-    while (to > 0 && spsi_interval_less(&list[half], &list[to - 1])) --to;
-    moved = half - to;
-    memcpy(scratch, list + to, moved * sizeof *list);
-    while (left < moved && right < count)
-        list[to++] = spsi_interval_less(&list[right], &scratch[left]) ? list[right++] : scratch[left++];
-    memcpy(list + to, scratch + left, (moved - left) * sizeof *list);
-}
-
 #define SPSI_SORT_SHORT 16 /* insertion sort is faster up to here */
 
 /* Merge sort by u0, with scratch for half the list: n log n, or n if nearly sorted. */
@@ -3125,7 +3114,14 @@ static void spsi_intervals_sort(spsi_interval *list, size_t count, spsi_interval
     }
     spsi_intervals_sort(list, half, scratch);
     spsi_intervals_sort(list + half, count - half, scratch);
-    spsi_intervals_merge(list, half, count, scratch);
+    /* Leading items already in order are not moved, so nearly sorted lists are cheap. */
+    size_t to = half, left = 0, right = half, moved;
+    while (to > 0 && spsi_interval_less(&list[half], &list[to - 1])) --to;
+    moved = half - to;
+    memcpy(scratch, list + to, moved * sizeof *list);
+    while (left < moved && right < count)
+        list[to++] = spsi_interval_less(&list[right], &scratch[left]) ? list[right++] : scratch[left++];
+    memcpy(list + to, scratch + left, (moved - left) * sizeof *list);
 }
 
 static inline spsi_v spsi_intervals_before(const spsi_intervals *intervals, spsi_v u) {
@@ -4812,16 +4808,6 @@ SPSI_COLD int spsi_take_material(spsi_frame *frame, const spsi_material *materia
     return channel;
 }
 
-SPSI_COLD void spsi_material_surface(const sps_volume *volume, const spsi_medium *medium, spsi_material *material) {
-    material->shading = volume->shading;
-    material->gradient_scale =
-        1 / spsi_fmax(volume->gradient_full > 0 ? volume->gradient_full : 0.05f, SPSI_VALUE_MIN);
-    material->voxel_length = (float)cbrt(medium->lattice->voxel_volume);
-    material->medium = medium->lattice->medium;
-    material->specular = volume->specular;
-    material->shininess = volume->shininess > 0 ? volume->shininess : 32;
-}
-
 /* Albedo of all entries with extinction: 0 if uniform (`albedo` receives it), 1 if grey, else 3. */
 SPSI_COLD int spsi_table_colors(const spsi_table *table, float albedo[3]) {
     int uniform = 1, grey = 1, first = 1;
@@ -4869,14 +4855,6 @@ SPSI_COLD sps_result spsi_parts_classified(sps_context *context, const sps_volum
     return SPS_OK;
 }
 
-SPSI_COLD void spsi_parts_colored(const sps_volume *volume, spsi_parts *parts) {
-    static const float white[3] = {1, 1, 1};
-    spsi_material_gas(volume->extinction, white, volume->emission, &parts->material);
-    parts->values = parts->material.extinguishes || parts->material.emits;
-    parts->colors = parts->material.extinguishes ? 3 : 0;
-    parts->glows = 3;
-}
-
 SPSI_COLD sps_result spsi_medium_place(sps_context *context, const sps_volume *volume, const spsi_medium *medium) {
     spsi_lattice *lattice = medium->lattice;
     const spsi_subject at = {context, SPS_OBJECT_VOLUME, medium->index, ""};
@@ -4915,16 +4893,6 @@ SPSI_COLD void spsi_medium_crop(const sps_volume *volume, spsi_medium *medium) {
                                                                               : SPSI_CROP_GAS;
 }
 
-SPSI_COLD void spsi_medium_build(const sps_volume *volume, int index, spsi_lattice *lattice, spsi_medium *medium) {
-    medium->given = *volume;
-    medium->index = index;
-    medium->lattice = lattice;
-    spsi_medium_crop(volume, medium);
-    if (volume->read_fn == sps_grid_read && (!volume->range_fn || volume->range_fn == sps_grid_range) &&
-        !volume->appearance_fn)
-        medium->given.concurrent = 1;
-}
-
 /* margin in voxels. */
 static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bounds *bounds) {
     SPSI_ROLLED for (int corner = 0; corner < 8; ++corner) {
@@ -4944,6 +4912,7 @@ static int spsi_volume_shows(const sps_volume *volume) {
 /* Sets what the volume's values are, and takes the tables it needs. */
 SPSI_COLD sps_result spsi_parts_build(sps_context *context, const sps_volume *volume, int index, spsi_tables *tables,
                                       spsi_parts *parts) {
+    static const float white[3] = {1, 1, 1};
     spsi_material classified;
     memset(parts, 0, sizeof *parts);
     memset(&classified, 0, sizeof classified);
@@ -4957,10 +4926,12 @@ SPSI_COLD sps_result spsi_parts_build(sps_context *context, const sps_volume *vo
     parts->values = 1;
     parts->material = classified;
     if (volume->transfer) return spsi_transfer_tabulate(context, volume->transfer, index, &parts->material);
-    if (volume->appearance_fn)
-        spsi_parts_colored(volume, parts);
-    else
-        spsi_material_gas(volume->extinction, volume->albedo, volume->emission, &parts->material);
+    spsi_material_gas(volume->extinction, volume->appearance_fn ? white : volume->albedo, volume->emission,
+                      &parts->material);
+    if (!volume->appearance_fn) return SPS_OK;
+    parts->values = parts->material.extinguishes || parts->material.emits;
+    parts->colors = parts->material.extinguishes ? 3 : 0;
+    parts->glows = 3;
     return SPS_OK;
 }
 
@@ -4974,7 +4945,15 @@ SPSI_COLD void spsi_part_material(const spsi_frame *frame, const spsi_medium *me
     if (medium->part == SPSI_PART_VALUES) {
         *material = parts->material;
         material->colored = parts->colors;
-        if (volume->transfer) spsi_material_surface(volume, medium, material);
+        if (volume->transfer) {
+            material->shading = volume->shading;
+            material->gradient_scale =
+                1 / spsi_fmax(volume->gradient_full > 0 ? volume->gradient_full : 0.05f, SPSI_VALUE_MIN);
+            material->voxel_length = (float)cbrt(medium->lattice->voxel_volume);
+            material->medium = medium->lattice->medium;
+            material->specular = volume->specular;
+            material->shininess = volume->shininess > 0 ? volume->shininess : 32;
+        }
         spsi_material_ambient(frame, volume->ambient, material);
     } else if (medium->part >= SPSI_PART_GLOW_RED) {
         for (int c = 0; c < 3 && parts->glows > 1; ++c) glow[c] = c == n ? 1 : 0;
@@ -4996,7 +4975,13 @@ SPSI_COLD sps_result spsi_add_media(sps_context *context, spsi_frame *frame, con
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "volume_count",
                                    frame->given.volume_count,
                                    "at most 64 volumes may hold voxels; colors count as up to 6 more");
-        spsi_medium_build(volume, index, &frame->lattices[frame->medium_count], medium);
+        medium->given = *volume;
+        medium->index = index;
+        medium->lattice = &frame->lattices[frame->medium_count];
+        spsi_medium_crop(volume, medium);
+        if (volume->read_fn == sps_grid_read && (!volume->range_fn || volume->range_fn == sps_grid_range) &&
+            !volume->appearance_fn)
+            medium->given.concurrent = 1;
         medium->lattice->medium = frame->medium_count++;
         medium->part = (kind == 0 ? SPSI_PART_VALUES : kind == 1 ? SPSI_PART_RED : SPSI_PART_GLOW_RED) + n;
         medium->follows = kind == 1 ? n + 1 : 0;
@@ -6659,23 +6644,9 @@ static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const do
     return range[0] <= range[1];
 }
 
-/* half: half width of the ray. The margin covers round-off in box positions and exact tests. */
-static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const double half[3],
-                               const spsi_tree_node *node) {
-    double low[3], high[3], range[2], room = 0;
-    for (int i = 0; i < 3; ++i)
-        room += fabs(tree->centre[i]) + fabs(ray->origin[i]) + fabs((double)node->low[i]) + fabs((double)node->high[i]);
-    room *= 1e-12;
-    for (int i = 0; i < 3; ++i) {
-        low[i] = tree->centre[i] + (double)node->low[i] - half[i] - room;
-        high[i] = tree->centre[i] + (double)node->high[i] + half[i] + room;
-    }
-    return spsi_ray_meets_box(ray, low, high, range);
-}
-
 typedef struct spsi_walk {
     const spsi_tree *tree;
-    double half[3];
+    double half[3]; /* half width of the ray */
     int stack[SPSI_TREE_STACK], top;
     int next, end; /* items left in a leaf */
 } spsi_walk;
@@ -6692,7 +6663,17 @@ static int spsi_walk_on(spsi_walk *walk, const spsi_ray *ray) {
     while (walk->next == walk->end) {
         if (walk->top == 0) return -1;
         const spsi_tree_node *node = &walk->tree->nodes[walk->stack[--walk->top]];
-        if (!spsi_ray_meets_node(walk->tree, ray, walk->half, node)) continue;
+        /* The margin covers round-off in box positions and exact tests. */
+        double low[3], high[3], range[2], room = 0;
+        for (int i = 0; i < 3; ++i)
+            room += fabs(walk->tree->centre[i]) + fabs(ray->origin[i]) + fabs((double)node->low[i]) +
+                    fabs((double)node->high[i]);
+        room *= 1e-12;
+        for (int i = 0; i < 3; ++i) {
+            low[i] = walk->tree->centre[i] + (double)node->low[i] - walk->half[i] - room;
+            high[i] = walk->tree->centre[i] + (double)node->high[i] + walk->half[i] + room;
+        }
+        if (!spsi_ray_meets_box(ray, low, high, range)) continue;
         walk->next = node->first;
         walk->end = node->first + node->count;
         if (node->count > 0) continue;
@@ -7207,20 +7188,6 @@ typedef struct spsi_surface {
     double pixel;     /* world size */
 } spsi_surface;
 
-/* Intersects the ray with the face's plane: points at float depth could lie behind it, visibly in grazing light. If the
-   ray grazes, projects the rasterised point. */
-static void spsi_surface_place(const spsi_face *face, const double plane[3], const double ray[3],
-                               const double rasterised[3], double point[3]) {
-    const double facing = spsi_dot(plane, ray), grazing = 1e-16; /* squared cosine; below, float depth is better */
-    double offset[3], way;
-    spsi_along(face->position[0], rasterised, -1, offset);
-    way = spsi_dot(plane, offset);
-    if (facing * facing > grazing * spsi_dot(plane, plane) * spsi_dot(ray, ray))
-        spsi_along(rasterised, ray, way / facing, point);
-    else
-        spsi_along(rasterised, plane, way / spsi_dot(plane, plane), point);
-}
-
 /* Points by component. Unused lanes repeat others. */
 typedef struct spsi_points {
     int lanes; /* mask */
@@ -7283,7 +7250,16 @@ static void spsi_surface_at(const spsi_rays *eye, const spsi_faces *faces, const
     spsi_face_plane(face, plane);
     spsi_ray_direction(eye, x, y, ray);
     spsi_ray_point(eye, x, y, (double)hit->depth + eye->depth_reference, rasterised);
-    spsi_surface_place(face, plane, ray, rasterised, surface->point);
+    /* Points at float depth could lie behind the plane, visibly in grazing light. If the ray grazes, they are projected
+       onto it. */
+    const double facing = spsi_dot(plane, ray), grazing = 1e-16; /* squared cosine; below, float depth is better */
+    double offset[3], way;
+    spsi_along(face->position[0], rasterised, -1, offset);
+    way = spsi_dot(plane, offset);
+    if (facing * facing > grazing * spsi_dot(plane, plane) * spsi_dot(ray, ray))
+        spsi_along(rasterised, ray, way / facing, surface->point);
+    else
+        spsi_along(rasterised, plane, way / spsi_dot(plane, plane), surface->point);
     surface->pixel = spsi_pixel_size_at(eye, (double)hit->depth + eye->depth_reference);
     spsi_surface_face(face, hit, plane, ray, surface);
 }
@@ -9749,16 +9725,6 @@ SPSI_COLD sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_f
                           frame->has_matrix ? 0 : value, rest);
 }
 
-SPSI_COLD double spsi_cosine_of_light(const spsi_frame *frame, const spsi_light *light, const double s[3]) {
-    double least = HUGE_VAL;
-    for (int i = 0; i < light->point_count; ++i) {
-        const spsi_light *point = &light->points[i];
-        least = spsi_dmin(least, !point->is_point ? spsi_dot(s, point->direction)
-                                                  : spsi_cosine_to_bounds(s, point->position, &frame->content->bounds));
-    }
-    return least;
-}
-
 /* Orients slabs for an eye direction and the light, if any. Returns 1 if slabs suit all rays. */
 SPSI_COLD int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi_sweep *sweep) {
     double toward[3], centre[3];
@@ -9771,7 +9737,14 @@ SPSI_COLD int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi
         sweep->back_to_front = spsi_dot(eye, toward) < 0;
         spsi_along(toward, eye, sweep->back_to_front ? -1 : 1, sweep->slabs.normal);
         spsi_normalise(sweep->slabs.normal);
-        sweep->cosine_of_light = spsi_cosine_of_light(frame, sweep->light, sweep->slabs.normal);
+        sweep->cosine_of_light = HUGE_VAL;
+        for (int i = 0; i < sweep->light->point_count; ++i) {
+            const spsi_light *point = &sweep->light->points[i];
+            const double cosine = !point->is_point ? spsi_dot(sweep->slabs.normal, point->direction)
+                                                   : spsi_cosine_to_bounds(sweep->slabs.normal, point->position,
+                                                                           &frame->content->bounds);
+            sweep->cosine_of_light = spsi_dmin(sweep->cosine_of_light, cosine);
+        }
     }
     for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->slabs.normal[i] : sweep->slabs.normal[i];
     sweep->cosine_of_eye = spsi_cosine_to_corners(toward, &sweep->eye); /* this part's rays */
@@ -10796,17 +10769,6 @@ static void spsi_deposit_voxel(const spsi_deposit *deposit, const spsi_deposit_w
     }
 }
 
-static inline int spsi_deposits_inside(const spsi_deposit *deposit, const spsi_v at[3]) {
-    const spsi_v reach = spsi_set(1.5f);
-    spsi_m inside = spsi_less(spsi_set(0), reach);
-    for (int k = 0; k < 3; ++k) {
-        const spsi_v low = spsi_set((float)deposit->low[k]), high = spsi_set((float)deposit->high[k]);
-        inside = spsi_and(inside, spsi_less(low, spsi_add(at[k], reach)));
-        inside = spsi_and(inside, spsi_less(spsi_sub(at[k], reach), high));
-    }
-    return spsi_bits(inside);
-}
-
 static void spsi_deposit_brick(const spsi_deposit *deposit, const spsi_segment *segment, const spsi_brick *brick,
                                const float *values, float *channel) {
     const spsi_splatter *s = deposit->splatter;
@@ -10825,7 +10787,14 @@ static void spsi_deposit_brick(const spsi_deposit *deposit, const spsi_segment *
         q[0] = spsi_sub(q[0], spsi_set((float)deposit->tile->x0));
         q[1] = spsi_sub(q[1], spsi_set((float)deposit->tile->y0));
         q[2] = spsi_sub(slab, spsi_set(0.5f));
-        const int bits = spsi_deposits_inside(deposit, q) & ((1 << count) - 1);
+        const spsi_v reach = spsi_set(1.5f);
+        spsi_m inside = spsi_less(spsi_set(0), reach);
+        for (int k = 0; k < 3; ++k) {
+            const spsi_v low = spsi_set((float)deposit->low[k]), high = spsi_set((float)deposit->high[k]);
+            inside = spsi_and(inside, spsi_less(low, spsi_add(q[k], reach)));
+            inside = spsi_and(inside, spsi_less(spsi_sub(q[k], reach), high));
+        }
+        const int bits = spsi_bits(inside) & ((1 << count) - 1);
         if (!bits) continue;
         for (int k = 0; k < 3; ++k)
             spsi_deposit_weights_along(k, q[k], deposit->breadth[k], k < 2 ? one : mass, &shares);
@@ -11151,18 +11120,6 @@ static void spsi_pyramid_mark(const spsi_brick *brick, int taps, spsi_pyramid_le
                 }
                 field->grid[spsi_pyramid_cell(field, own)] |= 1 << bit;
             }
-}
-
-/* Indexes the bricks within reach of source bricks. */
-SPSI_COLD void spsi_pyramid_number(const spsi_brick *bricks, int taps, spsi_pyramid_level *field) {
-    const size_t cells = spsi_pyramid_cells(field);
-    memset(field->grid, 0, cells * sizeof *field->grid);
-    for (int i = field->first; i < field->end; ++i) spsi_pyramid_mark(&bricks[i], taps, field);
-    for (size_t i = 0; i < cells; ++i) {
-        const int marks = field->grid[i];
-        field->grid[i] = marks ? field->count++ : -1;
-        field->volume += spsi_bit_count((uint64_t)marks) * (SPSI_BRICK * SPSI_BRICK * SPSI_BRICK / 8);
-    }
 }
 
 typedef struct spsi_pyramid_job {
@@ -12162,17 +12119,6 @@ static void spsi_sampler_cubic(float u, float weights[4]) {
 /* Position of pixel `i` of `count`, in node spacings. */
 static float spsi_sampler_ray_position(int i, int count) { return count > 1 ? 3 * (float)i / (float)(count - 1) : 0; }
 
-static inline void spsi_sampler_across(int x, int width, spsi_v across[4]) {
-    float lanes[4][SPSI_LANES];
-    memset(lanes, 0, sizeof lanes);
-    SPSI_ROLLED for (int i = 0; i < spsi_imin(SPSI_LANES, width - x); ++i) {
-        float weights[4];
-        spsi_sampler_cubic(spsi_sampler_ray_position(x + i, width), weights);
-        for (int k = 0; k < 4; ++k) lanes[k][i] = weights[k];
-    }
-    for (int k = 0; k < 4; ++k) across[k] = spsi_load(lanes[k]);
-}
-
 static inline void spsi_sampler_spread(const float *sums, const float down[][4], int height, const spsi_v across[4],
                                        float *sheet, size_t pitch) {
     for (int y = 0; y < height; ++y, sheet += pitch) {
@@ -12195,7 +12141,14 @@ static void spsi_sampler_patch_spread(const spsi_tile *tile, const spsi_sampler_
     sheets += (patch->y0 - tile->y0) * tile->pitch + patch->x0 - tile->x0;
     SPSI_ROLLED for (int x = 0; x < width; x += SPSI_LANES) {
         spsi_v across[4];
-        spsi_sampler_across(x, width, across);
+        float lanes[4][SPSI_LANES];
+        memset(lanes, 0, sizeof lanes);
+        SPSI_ROLLED for (int i = 0; i < spsi_imin(SPSI_LANES, width - x); ++i) {
+            float weights[4];
+            spsi_sampler_cubic(spsi_sampler_ray_position(x + i, width), weights);
+            for (int k = 0; k < 4; ++k) lanes[k][i] = weights[k];
+        }
+        for (int k = 0; k < 4; ++k) across[k] = spsi_load(lanes[k]);
         for (int slab = 0; slab < tile->slab_count; ++slab) {
             int some = 0;
             for (int n = 0; n < 16; n += SPSI_LANES)
@@ -12226,20 +12179,6 @@ static void spsi_sampler_patch_add(const spsi_sampler *t, spsi_tile *tile, const
                 spsi_sampler_add(t, tile, &rays, sums, (size_t)n, 16);
         }
     spsi_sampler_patch_spread(tile, patch, sums, sheets);
-}
-
-static float spsi_sampler_crossed(const spsi_sampler *t, const spsi_tile *tile) {
-    float most = 0;
-    for (int corner = 0; corner < 4; ++corner) {
-        const float x = (float)(corner & 1 ? tile->x1 : tile->x0), y = (float)(corner & 2 ? tile->y1 : tile->y0);
-        float square = 0;
-        for (int k = 0; k < 3; ++k) {
-            const float change = t->at[k].slope[0] + x * t->at[k].slope[1] + y * t->at[k].slope[2];
-            square += change * change;
-        }
-        most = spsi_fmax(most, sqrtf(square) / fabsf(spsi_sampler_slabs_per_depth(t, x, y)));
-    }
-    return most;
 }
 
 /* Samples per slab for a path of `way` voxels. */
@@ -12559,22 +12498,6 @@ SPSI_COLD int spsi_border_needed(const spsi_frame *frame, int medium) {
     return spsi_level_reach(fields, (int)level) + (classified ? 4 : 0);
 }
 
-/* Warns where a border is narrower than that, once for each volume. */
-SPSI_COLD void spsi_borders_check(const sps_context *context, const spsi_frame *frame) {
-    for (int m = 0; m < frame->medium_count; ++m) {
-        const spsi_medium *medium = &frame->media[m];
-        const int border = medium->given.border, room = medium->lattice->room;
-        int needed = spsi_border_needed(frame, m);
-        char text[128];
-        while (m + 1 < frame->medium_count && frame->media[m + 1].again)
-            needed = spsi_imax(needed, spsi_border_needed(frame, ++m));
-        if (border == 0 || room >= needed) continue;
-        SPS_SNPRINTF(text, sizeof text, "volume[%d].border is %d; this view needs %d for a cut without a trace",
-                     medium->index, border, border + needed - room);
-        spsi_tell(context, text);
-    }
-}
-
 /* --- building pyramids --- */
 
 /* Taps per axis. At medium quality, slab errors exceed the truncation error of 4 taps. */
@@ -12698,7 +12621,15 @@ SPSI_COLD sps_result spsi_pyramids_place(sps_context *context, const spsi_frame 
         if (spsi_pyramid_cells(field) == 0) continue;
         spsi_levels_place(fields, m);
         memory = spsi_pyramid_lay(field, spsi_pyramid_reaches(frame, m), memory);
-        spsi_pyramid_number((const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data, taps, field);
+        const size_t cells = spsi_pyramid_cells(field);
+        memset(field->grid, 0, cells * sizeof *field->grid);
+        for (int i = field->first; i < field->end; ++i)
+            spsi_pyramid_mark(&((const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data)[i], taps, field);
+        for (size_t i = 0; i < cells; ++i) {
+            const int marks = field->grid[i];
+            field->grid[i] = marks ? field->count++ : -1;
+            field->volume += spsi_bit_count((uint64_t)marks) * (SPSI_BRICK * SPSI_BRICK * SPSI_BRICK / 8);
+        }
     }
     context->pyramids_cached = spsi_pyramids_wanted(frame);
     return SPS_OK;
@@ -13577,7 +13508,16 @@ static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t pa
     here.scale *= here.mix / (float)here.rays;
     spsi_tile_touch(fill);
     float *channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
-    const float way = spsi_sampler_crossed(&here, tile);
+    float way = 0;
+    for (int corner = 0; corner < 4; ++corner) {
+        const float x = (float)(corner & 1 ? tile->x1 : tile->x0), y = (float)(corner & 2 ? tile->y1 : tile->y0);
+        float square = 0;
+        for (int k = 0; k < 3; ++k) {
+            const float change = here.at[k].slope[0] + x * here.at[k].slope[1] + y * here.at[k].slope[2];
+            square += change * change;
+        }
+        way = spsi_fmax(way, sqrtf(square) / fabsf(spsi_sampler_slabs_per_depth(&here, x, y)));
+    }
     here.cells = (const uint32_t(*)[2])here.field->cells[spsi_reach_wanted(target, medium, way)];
     SPSI_ROLLED for (int slab = 0; slab < tile->slab_count; ++slab) rest[slab] = patches;
     here.steps = spsi_sampler_steps(&here, way);
@@ -15271,19 +15211,6 @@ static void spsi_shadow_tables_drop(sps_context *context, spsi_buffer_id id, int
     *count = 0;
 }
 
-/* Takes over a cached table with equal input. */
-SPSI_COLD void spsi_shadow_table_take(sps_context *context, spsi_shadow_table *table) {
-    spsi_shadow_table *held = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
-    for (int i = 0; i < context->shadow_table_count && table->key && !table->is_made; ++i) {
-        if (held[i].gas != table->gas) spsi_buffer_release(context, &held[i].pairs); /* outdated */
-        if (!held[i].pairs.data || held[i].key != table->key) continue;
-        table->is_made = 1;
-        table->pairs = held[i].pairs;
-        memset(&held[i], 0, sizeof held[i]);
-        spsi_shadow_table_count(context, table, 1);
-    }
-}
-
 /* Begins a table, from the cache if possible. `gas`: the gas's fingerprint. Maps of other techniques are not cached. */
 SPSI_COLD sps_result spsi_shadow_table_begin(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                              uint64_t gas, spsi_shadow_table *table) {
@@ -15295,7 +15222,15 @@ SPSI_COLD sps_result spsi_shadow_table_begin(sps_context *context, const spsi_fr
                                 "a table of this size would have more than 2^28 entries");
     table->gas = gas;
     table->key = spsi_shadow_table_key(frame, table, gas);
-    spsi_shadow_table_take(context, table);
+    spsi_shadow_table *held = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
+    for (int i = 0; i < context->shadow_table_count && table->key && !table->is_made; ++i) {
+        if (held[i].gas != table->gas) spsi_buffer_release(context, &held[i].pairs); /* outdated */
+        if (!held[i].pairs.data || held[i].key != table->key) continue;
+        table->is_made = 1;
+        table->pairs = held[i].pairs;
+        memset(&held[i], 0, sizeof held[i]);
+        spsi_shadow_table_count(context, table, 1);
+    }
     return SPS_OK;
 }
 
@@ -17175,19 +17110,6 @@ SPSI_COLD sps_result spsi_shadow_tables_build(sps_context *context, const spsi_f
     return context->result;
 }
 
-SPSI_COLD void spsi_shadow_tables_release(sps_context *context, const spsi_shadow *shadows, int count) {
-    spsi_shadow_table *table = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data;
-    spsi_shadow_table *held = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
-    for (int i = 0; i < count; ++i) {
-        if (!shadows[i].table) continue;
-        if (!context->result && table->key && table->pairs.data)
-            held[context->shadow_table_count++] = *table;
-        else
-            spsi_buffer_release(context, &table->pairs);
-        ++table;
-    }
-}
-
 /* =========================================================================================== >>scattering
    28 Forward multiple scattering. Light reaches a point through optical depth a, turns by an angle of cosine c, and
    leaves through b; t = a + b. Multiple scattering adds X(t, c) to single scattering p(c) e^-t: other events turn light
@@ -18973,42 +18895,38 @@ static void spsi_emitters_join(const spsi_emitter *list, int count, spsi_emitter
     if (sum->cut > 0) sum->cut = sum->radius;
 }
 
-/* Adds, as one sphere, the emission of a volume that first flights always carry. Self-absorption is an ellipsoid's mean
-   over directions: at axes 1:3:1, 10 % too little leaves across the long axis, 40 % too much along it. */
-static void spsi_emitters_add_volume(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_emitter_sum *sum,
-                                     spsi_flights *flights, spsi_tree_item *items) {
-    const int m = frame->media[lattice->medium].channel;
-    const spsi_material *material = &frame->matter.materials[m];
-    const double flies = (double)frame->content->flies[m], extinction = (double)material->extinction;
-    const double amount = sum->value * lattice->voxel_volume;
-    double point[3], own, area;
-    spsi_emitter like;
-    if (!(sum->value > 0)) return;
-    memset(&like, 0, sizeof like);
-    area = spsi_emitter_sum_sphere(lattice, sum, point, &like);
-    like.gas = (float)(amount * extinction);
-    own = 0.75 / SPSI_PI * amount * extinction / area;
-    spsi_emitter_trap(material, material->albedo, (double)flights->grids->peak[m], own,
-                      flies / spsi_dmax(extinction, (double)FLT_MIN), &like);
-    spsi_emitter_own_absorption(flights, point, (double)like.radius, own, m, &like);
-    spsi_emitters_add(flights, point, flies * amount, own, &like, items);
-}
-
 static void spsi_emitters_list(const sps_context *context, const spsi_frame *frame, int blocks, spsi_flights *flights,
                                spsi_tree_item *const items[SPSI_FLIGHT_TREES]) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     spsi_emitter_sum whole;
+    spsi_emitter like;
+    double point[3];
     memset(&whole, 0, sizeof whole);
+    memset(&like, 0, sizeof like);
     for (int i = 0; i < context->brick_count; ++i) {
         const spsi_lattice *lattice = &frame->lattices[bricks[i].lattice];
         const int m = frame->media[lattice->medium].channel;
-        if (!frame->matter.materials[m].emits) continue;
+        const spsi_material *material = &frame->matter.materials[m];
+        if (!material->emits) continue;
         spsi_emitters_add_brick(context, frame, &bricks[i], blocks, flights, items[SPSI_FLIGHTS_EMISSION]);
         if (!(frame->content->flies[m] > 0)) continue;
         spsi_emitter_sum_brick(context, frame, &bricks[i], SPSI_BRICK, &whole);
         if (i + 1 < context->brick_count && bricks[i + 1].lattice == bricks[i].lattice) continue;
-        spsi_emitters_add_volume(frame, lattice, &whole, flights + 1, items[SPSI_FLIGHTS_BEAMS]);
+        if (whole.value > 0) {
+            /* Self-absorption is an ellipsoid's mean over directions: at axes 1:3:1, 10 % too little leaves across the
+               long axis, 40 % too much along it. */
+            const double flies = (double)frame->content->flies[m], extinction = (double)material->extinction;
+            const double amount = whole.value * lattice->voxel_volume;
+            const double area = spsi_emitter_sum_sphere(lattice, &whole, point, &like);
+            const double own = 0.75 / SPSI_PI * amount * extinction / area;
+            like.gas = (float)(amount * extinction);
+            spsi_emitter_trap(material, material->albedo, (double)flights->grids->peak[m], own,
+                              flies / spsi_dmax(extinction, (double)FLT_MIN), &like);
+            spsi_emitter_own_absorption(flights, point, (double)like.radius, own, m, &like);
+            spsi_emitters_add(flights + 1, point, flies * amount, own, &like, items[SPSI_FLIGHTS_BEAMS]);
+        }
         memset(&whole, 0, sizeof whole);
+        memset(&like, 0, sizeof like);
     }
     spsi_emitters_add_particles(frame, flights, items);
 }
@@ -19192,18 +19110,6 @@ static void spsi_flight_segments_pass(const spsi_flights *flights, const spsi_fl
 
 /* --- tree --- */
 
-/* Directions 0 to 5 lie along axes; four diagonals per plane of two axes follow. */
-static void spsi_flight_direction(int number, float unit[3]) {
-    memset(unit, 0, 3 * sizeof *unit);
-    if (number < 6) {
-        unit[number / 2] = number % 2 ? 1.0f : -1.0f;
-    } else {
-        const int plane = (number - 6) / 4, signs = (number - 6) % 4;
-        unit[plane] = signs & 1 ? 0.70710678f : -0.70710678f;
-        unit[(plane + 1) % 3] = signs & 2 ? 0.70710678f : -0.70710678f;
-    }
-}
-
 /* Distance up to which cells contain the medium of an emitter, or of a node with a single pyramid. */
 static float spsi_flight_clear(const spsi_emitter *emitter, const spsi_flight_node *node) {
     return node && emitter->own > 0 ? node->reach : emitter->clear;
@@ -19219,7 +19125,16 @@ static void spsi_flights_leave(const spsi_flights *flights, const spsi_emitter *
         float out[SPSI_LANES], unit[3];
         memset(&ways, 0, sizeof ways);
         SPSI_ROLLED for (int i = 0; i < lanes; ++i) {
-            spsi_flight_direction(first + i, unit);
+            /* Directions 0 to 5 lie along axes; four diagonals per plane of two axes follow. */
+            const int number = first + i;
+            memset(unit, 0, 3 * sizeof *unit);
+            if (number < 6) {
+                unit[number / 2] = number % 2 ? 1.0f : -1.0f;
+            } else {
+                const int plane = (number - 6) / 4, signs = (number - 6) % 4;
+                unit[plane] = signs & 1 ? 0.70710678f : -0.70710678f;
+                unit[(plane + 1) % 3] = signs & 2 ? 0.70710678f : -0.70710678f;
+            }
             ways.end[i] = node->reach;
             for (int k = 0; k < 3; ++k) {
                 ways.from[k][i] = child->at[k];
@@ -20711,20 +20626,6 @@ static void spsi_cell_place_build(const spsi_shader *shader, const spsi_pixels *
                             spsi_set(0.5f));
 }
 
-static void spsi_add_cells(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part,
-                           const spsi_sent *into) {
-    spsi_cell_place place;
-    place.left = spsi_less(spsi_set(0), spsi_set(1));
-    for (int n = 0; n < shader->frame->content->cell_grid_count; ++n) {
-        spsi_cell_place_build(shader, p, part, n, &place);
-        if (!spsi_bits(place.here)) continue;
-        for (int m = 0; m < shader->frame->matter.material_count; ++m)
-            if (shader->frame->matter.materials[m].scatters &&
-                spsi_bits(spsi_less(spsi_set(0), part->samples[m].depth)))
-                spsi_add_material_cells(shader, p, part, m, &place, into);
-    }
-}
-
 static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_subslab *part,
                                 const spsi_sent *into) {
     const spsi_v mean = spsi_mean_transmittance(part->before, part->after), one = spsi_set(1);
@@ -20745,7 +20646,18 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
     for (int i = 0; i < shader->frame->lights.count; ++i)
         if (!shader->frame->lights.list[i].shadows)
             spsi_shade_by_light(shader, p, part, &shader->frame->lights.list[i], &carried, into);
-    if (shader->frame->content->cells) spsi_add_cells(shader, p, part, into);
+    if (shader->frame->content->cells) {
+        spsi_cell_place place;
+        place.left = spsi_less(spsi_set(0), spsi_set(1));
+        for (int n = 0; n < shader->frame->content->cell_grid_count; ++n) {
+            spsi_cell_place_build(shader, p, part, n, &place);
+            if (!spsi_bits(place.here)) continue;
+            for (int m = 0; m < shader->frame->matter.material_count; ++m)
+                if (shader->frame->matter.materials[m].scatters &&
+                    spsi_bits(spsi_less(spsi_set(0), part->samples[m].depth)))
+                    spsi_add_material_cells(shader, p, part, m, &place, into);
+        }
+    }
 }
 
 /* --- direct light on polygons, in double precision --- */
@@ -22568,21 +22480,6 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c, int lit) {
 
 #define SPSI_BEAM_RINGS 12 /* rings per narrow beam, and rays per ring */
 
-/* Unshadowed irradiance times the ray's cross section. */
-static void spsi_beam_light(const spsi_cell_job *job, const spsi_light *light, const spsi_ray *ray, double solid,
-                            double distance, float sent[3]) {
-    double irradiance[3];
-    spsi_surface surface;
-    memset(&surface, 0, sizeof surface);
-    spsi_along(ray->origin, ray->direction, distance, surface.point);
-    for (int k = 0; k < 3; ++k) surface.normal[k] = -ray->direction[k];
-    surface.pixel = job->grid->edge;
-    spsi_surface_point_irradiance(job->frame, light, &surface, irradiance);
-    for (int c = 0; c < 3; ++c)
-        sent[c] = (float)spsi_dmin(irradiance[c] * (double)light->color[c] * solid * distance * distance,
-                                   (double)SPSI_RADIANCE_MAX);
-}
-
 static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_light *light, const spsi_ray *ray, double solid,
                                   spsi_tree_item *items) {
     const spsi_cell_grid *grid = job->grid;
@@ -22602,7 +22499,17 @@ static void spsi_beam_through_gas(const spsi_cell_job *job, const spsi_light *li
         (void)spsi_cell_containing(grid, point, &at);
         own = (double)grid->depth[at] * length / grid->edge;
         if (!(own > 0)) continue;
-        spsi_beam_light(job, light, ray, solid, middle, like.sent);
+        /* Unshadowed irradiance times the ray's cross section. */
+        double irradiance[3];
+        spsi_surface surface;
+        memset(&surface, 0, sizeof surface);
+        spsi_along(ray->origin, ray->direction, middle, surface.point);
+        for (int k = 0; k < 3; ++k) surface.normal[k] = -ray->direction[k];
+        surface.pixel = job->grid->edge;
+        spsi_surface_point_irradiance(job->frame, light, &surface, irradiance);
+        for (int c = 0; c < 3; ++c)
+            like.sent[c] = (float)spsi_dmin(irradiance[c] * (double)light->color[c] * solid * middle * middle,
+                                            (double)SPSI_RADIANCE_MAX);
         for (int c = 0; c < 3; ++c) {
             const int channel = spsi_imin(c, grid->channels - 1);
             const double scale = (double)grid->scale[channel], x = scale * own;
@@ -24558,21 +24465,6 @@ SPSI_COLD size_t spsi_table_cached_bytes(sps_context *context, const spsi_frame 
     return 0;
 }
 
-/* With cells, maps count towards the cells' stage. */
-SPSI_COLD void spsi_work_add_maps(sps_context *context, const spsi_frame *frame, uint64_t gas, spsi_work *work) {
-    for (int i = 0; i < frame->lights.count; ++i) {
-        const spsi_light *light = &frame->lights.list[i];
-        size_t side;
-        if (!light->has_map || spsi_uses_cells(frame) || spsi_bounds_empty(spsi_light_bounds(frame, light))) continue;
-        if (spsi_table_cached_bytes(context, frame, light, gas)) {
-            work->tables_held = 1;
-            continue;
-        }
-        work->units[SPSI_STAGE_LIGHT] +=
-            (double)spsi_light_tmap_texels(frame, light, &side) * (double)spsi_light_table_planes(frame, light);
-    }
-}
-
 /* Work of cells, doubled with polygons; 0 without multiple scattering. */
 SPSI_COLD double spsi_work_cells(const spsi_frame *frame) {
     spsi_cell_grid grid;
@@ -24609,7 +24501,18 @@ SPSI_COLD void spsi_work_count(sps_context *context, spsi_frame *frame, double v
     memset(work, 0, sizeof *work);
     spsi_choose_shadows(context, frame);
     spsi_work_add_sweeps(frame, work);
-    spsi_work_add_maps(context, frame, gas, work);
+    /* With cells, maps count towards the cells' stage. */
+    for (int i = 0; i < frame->lights.count; ++i) {
+        const spsi_light *light = &frame->lights.list[i];
+        size_t side;
+        if (!light->has_map || spsi_uses_cells(frame) || spsi_bounds_empty(spsi_light_bounds(frame, light))) continue;
+        if (spsi_table_cached_bytes(context, frame, light, gas)) {
+            work->tables_held = 1;
+            continue;
+        }
+        work->units[SPSI_STAGE_LIGHT] +=
+            (double)spsi_light_tmap_texels(frame, light, &side) * (double)spsi_light_table_planes(frame, light);
+    }
     if (context->pyramids_cached != spsi_pyramids_wanted(frame) && spsi_pyramids_wanted(frame))
         work->units[SPSI_STAGE_PYRAMIDS] = voxels;
     work->units[SPSI_STAGE_REST] = pixels;
@@ -24805,21 +24708,6 @@ SPSI_COLD void spsi_candidates_order(const spsi_rates *pace, spsi_candidate *can
     }
 }
 
-SPSI_COLD void spsi_budget_report(const spsi_frame *frame, const spsi_candidate *best, const spsi_setting *setting,
-                                  sps_budget_report *report) {
-    const int timed = frame->view.budget_seconds > 0;
-    report->is_met = best->exists && (timed ? best->seconds <= frame->view.budget_seconds
-                                            : best->error <= frame->view.budget_error);
-    report->seconds = best->seconds;
-    report->error = best->error;
-    report->quality = frame->view.quality;
-    report->slab_thickness = spsi_preset_of(frame, setting->gas).slab_thickness;
-    report->tolerance = frame->view.tolerance;
-    report->samples = spsi_lights_are_open(frame) ? frame->accuracy.light_points : 0;
-    report->scattering_resolution =
-        spsi_uses_cells(frame) || spsi_convolves(frame) ? frame->view.scattering_resolution : 0;
-}
-
 /* `spent`: seconds until everything is read. If no setting can be rendered, chooses the coarsest, which is refused
    later. */
 SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, double spent, double voxels,
@@ -24850,7 +24738,17 @@ SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame,
     if (spsi_setting_apply(context, frame, &setting)) return context->result;
     spsi_work_count(context, frame, voxels, gas, &work);
     spsi_work_count_cells(context, frame, &setting, &work);
-    spsi_budget_report(frame, &candidates[best], &setting, report);
+    const int timed = frame->view.budget_seconds > 0;
+    report->is_met = candidates[best].exists && (timed ? candidates[best].seconds <= frame->view.budget_seconds
+                                                       : candidates[best].error <= frame->view.budget_error);
+    report->seconds = candidates[best].seconds;
+    report->error = candidates[best].error;
+    report->quality = frame->view.quality;
+    report->slab_thickness = spsi_preset_of(frame, setting.gas).slab_thickness;
+    report->tolerance = frame->view.tolerance;
+    report->samples = spsi_lights_are_open(frame) ? frame->accuracy.light_points : 0;
+    report->scattering_resolution =
+        spsi_uses_cells(frame) || spsi_convolves(frame) ? frame->view.scattering_resolution : 0;
     context->pace.counts = 1;
     context->pace.setting = setting;
     context->pace.work = work;
@@ -25152,7 +25050,16 @@ SPSI_COLD sps_result spsi_render_sweep(sps_context *context, spsi_picture *pictu
     for (int i = 0; i < parts && !context->result; ++i, part.progress += part.share)
         if (i == 0 || !spsi_sweep_build(context, frame, n, i, &sweep))
             spsi_render_part(context, picture, &sweep, run, &part);
-    spsi_shadow_tables_release(context, picture->shadows, picture->shadow_count);
+    spsi_shadow_table *table = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data;
+    spsi_shadow_table *held = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
+    for (int i = 0; i < picture->shadow_count; ++i) {
+        if (!picture->shadows[i].table) continue;
+        if (!context->result && table->key && table->pairs.data)
+            held[context->shadow_table_count++] = *table;
+        else
+            spsi_buffer_release(context, &table->pairs);
+        ++table;
+    }
     return context->result;
 }
 
@@ -25169,7 +25076,19 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
     if (spsi_has_budget(&frame->view) && spsi_budget_take(context, frame)) return context->result;
     if (spsi_pyramids_place(context, frame)) return context->result;
     spsi_levels_choose(frame);
-    spsi_borders_check(context, frame);
+    /* Warns of narrow borders, once for each volume. */
+    for (int m = 0; m < frame->medium_count; ++m) {
+        const spsi_medium *medium = &frame->media[m];
+        const int border = medium->given.border, room = medium->lattice->room;
+        int needed = spsi_border_needed(frame, m);
+        char text[128];
+        while (m + 1 < frame->medium_count && frame->media[m + 1].again)
+            needed = spsi_imax(needed, spsi_border_needed(frame, ++m));
+        if (border == 0 || room >= needed) continue;
+        SPS_SNPRINTF(text, sizeof text, "volume[%d].border is %d; this view needs %d for a cut without a trace",
+                     medium->index, border, border + needed - room);
+        spsi_tell(context, text);
+    }
     spsi_choose_shadows(context, frame);
     if (!spsi_has_shadow_tables(frame))
         spsi_shadow_tables_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count);
@@ -25957,25 +25876,8 @@ static double spsi_march_ray(const spsi_rays *eye, double x, double y, spsi_ray 
     return length;
 }
 
-/* Intersects a face like the rasteriser, but in double precision. Faces are ordered by depth, then index: the hit must
-   lie between `after` and `nearest`. */
-static int spsi_march_face(const spsi_marcher *marcher, int number, int x, int y, const spsi_walker *after,
-                           spsi_walker *nearest) {
-    const spsi_rays *eye = &marcher->frame->content->eye;
-    spsi_edges e;
-    double w[3], depth;
-    spsi_face_edges(marcher->faces, number, eye, &e);
-    if (!spsi_face_depth(&e, eye, x, y, w, &depth)) return 0;
-    if (depth < after->depth || (!(depth > after->depth) && number <= after->hit.face)) return 0;
-    if (depth > nearest->depth || (!(depth < nearest->depth) && number >= nearest->hit.face)) return 0;
-    nearest->depth = depth;
-    nearest->hit.depth = (float)depth;
-    nearest->hit.face = number;
-    for (int i = 0; i < 2; ++i) nearest->hit.weights[i] = (float)w[i + 1];
-    return 1;
-}
-
-/* Finds the next face; without one, the ray is infinite. */
+/* Finds the next face, like the rasteriser, but in double precision; without one, the ray is infinite. Faces are
+   ordered by depth, then index. */
 static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walker *walker) {
     const spsi_rays *eye = &marcher->frame->content->eye;
     spsi_walker next = *walker;
@@ -25987,9 +25889,19 @@ static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walk
     next.depth = next.high = HUGE_VAL;
     next.hit.face = -1;
     spsi_walk_begin(&marcher->faces->tree, &walk);
-    while ((number = spsi_walk_on(&walk, &ray)) >= 0)
-        if (spsi_march_face(marcher, number, x, y, walker, &next))
-            ray.high = next.high = (next.depth + eye->depth_reference) * length;
+    while ((number = spsi_walk_on(&walk, &ray)) >= 0) {
+        spsi_edges e;
+        double w[3], depth;
+        spsi_face_edges(marcher->faces, number, eye, &e);
+        if (!spsi_face_depth(&e, eye, x, y, w, &depth)) continue;
+        if (depth < walker->depth || (!(depth > walker->depth) && number <= walker->hit.face)) continue;
+        if (depth > next.depth || (!(depth < next.depth) && number >= next.hit.face)) continue;
+        next.depth = depth;
+        next.hit.depth = (float)depth;
+        next.hit.face = number;
+        for (int i = 0; i < 2; ++i) next.hit.weights[i] = (float)w[i + 1];
+        ray.high = next.high = (depth + eye->depth_reference) * length;
+    }
     *walker = next;
 }
 
@@ -26889,15 +26801,6 @@ SPSI_COLD spsi_enclosure spsi_step_integral(const spsi_marcher *marcher, const s
     return result;
 }
 
-/* Isotropic light: ambient or emitted. */
-SPSI_COLD void spsi_incoming_plain(spsi_incoming *incoming) {
-    memset(incoming, 0, sizeof *incoming);
-    incoming->passes = incoming->range = spsi_enclosure_of(1, 1);
-    for (int j = 0; j < 3; ++j) incoming->falls[j] = 1;
-    incoming->falloff.term[0] = 1;
-    incoming->smooth = 1;
-}
-
 /* 1 / r^2 as in >>reference. Its series' terms are at most (k + 1) / r^(k + 2), as for 1 / (1 - x)^2. */
 SPSI_COLD void spsi_incoming_fall(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *light,
                                   spsi_incoming *incoming) {
@@ -27058,7 +26961,11 @@ SPSI_COLD void spsi_step_add_light(const spsi_marcher *marcher, const spsi_step 
                                    const spsi_enclosure passes[3], spsi_step_light *sum) {
     double source[3] = {0, 0, 0};
     spsi_incoming incoming;
-    spsi_incoming_plain(&incoming);
+    memset(&incoming, 0, sizeof incoming);
+    incoming.passes = incoming.range = spsi_enclosure_of(1, 1);
+    for (int j = 0; j < 3; ++j) incoming.falls[j] = 1;
+    incoming.falloff.term[0] = 1;
+    incoming.smooth = 1;
     if (light) spsi_incoming_fall(marcher, step, light, &incoming);
     if (light && light->shadows && step->lit)
         spsi_incoming_shade(marcher, step, light, &incoming);
@@ -27073,8 +26980,8 @@ SPSI_COLD void spsi_step_add_light(const spsi_marcher *marcher, const spsi_step 
         const spsi_enclosure integral = spsi_step_integral(marcher, step, part, &sent);
         for (int c = 0; c < 3; ++c) {
             const double falls = (double)(light ? light->color[c] : material->ambient[c]);
-            const double share = extinction * (double)material->albedo[c] * falls +
-                                 (light ? 0 : (double)material->emission[c]);
+            const double share =
+                extinction * (double)material->albedo[c] * falls + (light ? 0 : (double)material->emission[c]);
             spsi_enclosure_add(&sum->light[c], share * integral.low * passes[c].low,
                                share * integral.high * passes[c].high);
             if (!(share > 0)) continue;
@@ -27457,7 +27364,7 @@ static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *r
 
 /* --- emission --- */
 
-/* Emission per unit value, averaged over channels. If classified, the voxels of spsi_emission_grids hold that mean. */
+/* Emission per unit value, averaged over channels. If classified, the voxels of spsi_emission_build hold that mean. */
 static double spsi_emission_of(const spsi_material *material) {
     if (material->glow) return 1;
     return ((double)material->emission[0] + (double)material->emission[1] + (double)material->emission[2]) / 3;
@@ -27465,46 +27372,37 @@ static double spsi_emission_of(const spsi_material *material) {
 
 static size_t spsi_dense_rows(const spsi_dense *grid) { return (size_t)grid->size[1] * (size_t)grid->size[2]; }
 
-/* Voxels from whose kernels paths draw emitting points: values, or classified mean emission. */
-SPSI_COLD sps_result spsi_emission_grids(sps_context *context, spsi_marcher *marcher) {
-    const spsi_frame *frame = marcher->frame;
-    size_t count = 0;
-    float *means;
-    for (int m = 0; m < frame->medium_count; ++m)
-        if (spsi_material_of(frame, m)->glow)
-            count += spsi_dense_rows(&marcher->grids[m]) * (size_t)marcher->grids[m].size[0];
-    means = SPSI_RESERVE(context, SPSI_BUFFER_EMISSION_MEANS, count, float);
-    if (!means) return context->result;
-    for (int m = 0; m < frame->medium_count; ++m) {
-        const spsi_material *material = spsi_material_of(frame, m);
-        const spsi_dense *grid = &marcher->grids[m];
-        marcher->glows[m] = *grid;
-        if (!material->glow) continue;
-        marcher->glows[m].values = means;
-        for (size_t i = 0; i < spsi_dense_rows(grid) * (size_t)grid->size[0]; ++i) {
-            double emitted[4];
-            spsi_emission_at_value(material, (double)grid->values[i], emitted);
-            *means++ = (float)emitted[3];
-        }
-    }
-    return SPS_OK;
-}
-
+/* Voxels and particles from which paths draw emitting points: values, or classified mean emission. */
 static sps_result spsi_emission_build(sps_context *context, spsi_marcher *marcher) {
     const spsi_frame *frame = marcher->frame;
-    size_t count = (size_t)frame->content->particle_count;
+    size_t count = (size_t)frame->content->particle_count, classified = 0;
     double sum = 0, *sums;
-    if (spsi_emission_grids(context, marcher)) return context->result;
-    for (int m = 0; m < frame->medium_count; ++m) count += spsi_dense_rows(&marcher->grids[m]);
+    for (int m = 0; m < frame->medium_count; ++m) {
+        const size_t rows = spsi_dense_rows(&marcher->grids[m]);
+        if (spsi_material_of(frame, m)->glow) classified += rows * (size_t)marcher->grids[m].size[0];
+        count += rows;
+    }
+    float *means = SPSI_RESERVE(context, SPSI_BUFFER_EMISSION_MEANS, classified, float);
     marcher->glow_count = count;
     marcher->glow = sums = SPSI_RESERVE(context, SPSI_BUFFER_EMISSION, count + 1, double);
-    if (!sums) return context->result;
+    if (!means || !sums) return context->result;
     for (int m = 0; m < frame->medium_count; ++m) {
-        const double glow = spsi_emission_of(spsi_material_of(frame, m)) * frame->media[m].lattice->voxel_volume;
-        const float *value = marcher->glows[m].values;
-        for (size_t row = 0; row < spsi_dense_rows(&marcher->grids[m]); *sums++ = sum, ++row) {
-            if (row % (size_t)marcher->grids[m].size[1] == 0) spsi_tick(context, 0);
-            for (int x = 0; x < marcher->grids[m].size[0]; ++x) sum += glow * (double)*value++;
+        const spsi_material *material = spsi_material_of(frame, m);
+        const double glow = spsi_emission_of(material) * frame->media[m].lattice->voxel_volume;
+        const spsi_dense *grid = &marcher->grids[m];
+        const float *value = grid->values;
+        marcher->glows[m] = *grid;
+        if (material->glow) marcher->glows[m].values = means;
+        for (size_t row = 0; row < spsi_dense_rows(grid); *sums++ = sum, ++row) {
+            if (row % (size_t)grid->size[1] == 0) spsi_tick(context, 0);
+            for (int x = 0; x < grid->size[0]; ++x) {
+                double emitted[4] = {0, 0, 0, (double)*value++};
+                if (material->glow) {
+                    spsi_emission_at_value(material, emitted[3], emitted);
+                    *means++ = (float)emitted[3];
+                }
+                sum += glow * (double)(float)emitted[3];
+            }
         }
     }
     for (int i = 0; i < frame->content->particle_count; *sums++ = sum, ++i) {

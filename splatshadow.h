@@ -2785,13 +2785,6 @@ static inline spsi_v spsi_lobe_phase(float g, spsi_v cosine) {
     return spsi_div(spsi_set((1 - g * g) * (float)(0.25 / SPSI_PI)), spsi_mul(square, spsi_sqrt(square)));
 }
 
-static inline spsi_v spsi_phase(const spsi_material *material, spsi_v cosine) {
-    spsi_v sum = spsi_set(0);
-    SPSI_ROLLED for (int i = 0; i < material->lobe_count; ++i)
-        sum = spsi_fma(spsi_lobe_phase(material->lobes[i].asymmetry, cosine), spsi_set(material->lobes[i].weight), sum);
-    return sum;
-}
-
 static double spsi_phase_moment(const spsi_material *material, int l) {
     double sum = 0;
     SPSI_ROLLED for (int i = 0; i < material->lobe_count; ++i)
@@ -4872,27 +4865,6 @@ SPSI_COLD sps_result spsi_medium_place(sps_context *context, const sps_volume *v
 
 #define SPSI_CROP_ROOM 8 /* minimum of voxels read around a crop: the reach of classified samples */
 
-/* Sets the voxels to read, and the faces that cut the field. */
-SPSI_COLD void spsi_medium_crop(const sps_volume *volume, spsi_medium *medium) {
-    const int cropped = spsi_volume_is_cropped(volume);
-    int longest = 0, crop[6];
-    for (int k = 0; k < 6; ++k) crop[k] = cropped ? volume->crop[k] : k < 3 ? 0 : volume->size[k - 3];
-    for (int k = 0; k < 3; ++k) longest = spsi_imax(longest, crop[3 + k] - crop[k]);
-    medium->lattice->room = SPSI_BORDER_MAX;
-    for (int k = 0; k < 3; ++k) {
-        const int room = cropped ? SPSI_CROP_ROOM + longest / 8 : SPSI_BORDER_MAX;
-        medium->low[k] = spsi_imax(-volume->border, crop[k] - room);
-        medium->high[k] = spsi_imin(volume->size[k] + volume->border, crop[3 + k] + room);
-        medium->lattice->room =
-            spsi_imin(medium->lattice->room, spsi_imin(crop[k] - medium->low[k], medium->high[k] - crop[3 + k]));
-        medium->lattice->crop[0][k] = crop[k];
-        medium->lattice->crop[1][k] = crop[3 + k];
-    }
-    medium->lattice->cropped = !cropped && volume->border == 0 ? SPSI_CROP_NONE
-                               : volume->transfer && !volume->classify_voxels ? SPSI_CROP_CLASSIFIED
-                                                                              : SPSI_CROP_GAS;
-}
-
 /* margin in voxels. */
 static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bounds *bounds) {
     SPSI_ROLLED for (int corner = 0; corner < 8; ++corner) {
@@ -4978,7 +4950,23 @@ SPSI_COLD sps_result spsi_add_media(sps_context *context, spsi_frame *frame, con
         medium->given = *volume;
         medium->index = index;
         medium->lattice = &frame->lattices[frame->medium_count];
-        spsi_medium_crop(volume, medium);
+        const int cropped = spsi_volume_is_cropped(volume);
+        int longest = 0, crop[6];
+        for (int k = 0; k < 6; ++k) crop[k] = cropped ? volume->crop[k] : k < 3 ? 0 : volume->size[k - 3];
+        for (int k = 0; k < 3; ++k) longest = spsi_imax(longest, crop[3 + k] - crop[k]);
+        medium->lattice->room = SPSI_BORDER_MAX;
+        for (int k = 0; k < 3; ++k) {
+            const int room = cropped ? SPSI_CROP_ROOM + longest / 8 : SPSI_BORDER_MAX;
+            medium->low[k] = spsi_imax(-volume->border, crop[k] - room);
+            medium->high[k] = spsi_imin(volume->size[k] + volume->border, crop[3 + k] + room);
+            medium->lattice->room =
+                spsi_imin(medium->lattice->room, spsi_imin(crop[k] - medium->low[k], medium->high[k] - crop[3 + k]));
+            medium->lattice->crop[0][k] = crop[k];
+            medium->lattice->crop[1][k] = crop[3 + k];
+        }
+        medium->lattice->cropped = !cropped && volume->border == 0                ? SPSI_CROP_NONE
+                                   : volume->transfer && !volume->classify_voxels ? SPSI_CROP_CLASSIFIED
+                                                                                  : SPSI_CROP_GAS;
         if (volume->read_fn == sps_grid_read && (!volume->range_fn || volume->range_fn == sps_grid_range) &&
             !volume->appearance_fn)
             medium->given.concurrent = 1;
@@ -5685,18 +5673,6 @@ static spsi_voxels *spsi_reader_values(const spsi_reader *reader, int index) {
     return voxels->block.voxels_read > 0 && voxels->block.result == SPS_OK ? voxels : NULL;
 }
 
-/* Reads a non-concurrent volume's blocks, up to the first failure. */
-SPSI_COLD sps_result spsi_reader_read(sps_context *context, spsi_reader *reader) {
-    for (int i = 0; i < reader->count; ++i) {
-        const double done = (double)(reader->walk.next - reader->count + i) / (double)reader->walk.end;
-        if (spsi_progress(context, spsi_call_stage_done(&reader->part, done))) return context->result;
-        if (reader->walk.medium->given.concurrent) break;
-        spsi_block_read(&reader->list[i], reader->asks);
-        if (reader->list[i].block.result != SPS_OK) reader->count = i + 1;
-    }
-    return SPS_OK;
-}
-
 /* Reads the next blocks and runs `task` on each; it must call spsi_reader_values. Statistics end with the first failed
    block, for any number of workers. reader->count: 0 at the end. */
 SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader, sps_task_fn task, void *data) {
@@ -5706,7 +5682,13 @@ SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader,
         more = (!last || last->result == SPS_OK) && spsi_blocks_next(&reader->walk, &reader->list[reader->count].block);
     }
     for (int i = 0; i < reader->count; ++i) reader->list[i].block.replace = reader->replace;
-    if (spsi_reader_read(context, reader)) return context->result;
+    for (int i = 0; i < reader->count; ++i) { /* unless concurrent, read here, up to the first failure */
+        const double done = (double)(reader->walk.next - reader->count + i) / (double)reader->walk.end;
+        if (spsi_progress(context, spsi_call_stage_done(&reader->part, done))) return context->result;
+        if (reader->walk.medium->given.concurrent) break;
+        spsi_block_read(&reader->list[i], reader->asks);
+        if (reader->list[i].block.result != SPS_OK) reader->count = i + 1;
+    }
     spsi_parallel(context, reader->count, task, data);
     for (int i = 0; i < reader->count; ++i) {
         const spsi_block *block = &reader->list[i].block;
@@ -6096,22 +6078,6 @@ typedef struct spsi_particle_lists {
     size_t read;
 } spsi_particle_lists;
 
-SPSI_COLD void spsi_particles_keep(const spsi_frame *frame, const spsi_particle_set *set, size_t count,
-                                   const spsi_particle_lists *lists) {
-    for (size_t i = 0; i < count; ++i) {
-        const sps_particle *from = &lists->batch[i];
-        spsi_particle *to = &lists->list[frame->content->particle_count];
-        if (!(from->radius >= SPSI_VALUE_MIN && from->optical_depth >= SPSI_VALUE_MIN)) continue;
-        memcpy(to->position, from->position, sizeof to->position);
-        to->radius = from->radius;
-        to->optical_depth = from->optical_depth;
-        if (lists->albedos)
-            memcpy(lists->albedos[frame->content->particle_count],
-                   set->given.has_albedos ? from->albedo : set->given.albedo, sizeof from->albedo);
-        frame->content->particle_count += 1;
-    }
-}
-
 SPSI_COLD sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame, const spsi_particle_set *set,
                                      spsi_particle_lists *lists) {
     for (size_t first = 0; first < set->given.count; first += SPSI_PARTICLE_BATCH) {
@@ -6124,7 +6090,18 @@ SPSI_COLD sps_result spsi_gather_set(sps_context *context, const spsi_frame *fra
                             set->given.read_fn(set->given.user, first, count, lists->batch)) ||
             spsi_particles_validate(context, set, lists->batch, first, count, frame->given.replace_invalid))
             return context->result;
-        spsi_particles_keep(frame, set, count, lists);
+        for (size_t i = 0; i < count; ++i) {
+            const sps_particle *from = &lists->batch[i];
+            spsi_particle *to = &lists->list[frame->content->particle_count];
+            if (!(from->radius >= SPSI_VALUE_MIN && from->optical_depth >= SPSI_VALUE_MIN)) continue;
+            memcpy(to->position, from->position, sizeof to->position);
+            to->radius = from->radius;
+            to->optical_depth = from->optical_depth;
+            if (lists->albedos)
+                memcpy(lists->albedos[frame->content->particle_count],
+                       set->given.has_albedos ? from->albedo : set->given.albedo, sizeof from->albedo);
+            frame->content->particle_count += 1;
+        }
         lists->read += count;
     }
     frame->content->set_ends[set - frame->particles.sets] = frame->content->particle_count;
@@ -6146,19 +6123,34 @@ SPSI_COLD void spsi_particle_bounds(const spsi_particle *particle, spsi_bounds *
     }
 }
 
+/* Finds an item's list by binary search. Lists are consecutive; apart: stride of `ends`. */
+static int spsi_list_of(const int *ends, int apart, int count, int item) {
+    int low = 0, high = count - 1;
+    while (low < high) {
+        const int middle = (low + high) / 2;
+        if (item < ends[middle * apart])
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    return low;
+}
+
+static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particle) {
+    return &frame->particles.sets[spsi_list_of(frame->content->set_ends, 1, frame->particles.set_count, particle)];
+}
+
 /* Larger of two mean extinctions: of single particles, weighted by coverage, and of all mixed in a cube of edge 2 *
    spread. Soft particles count half. At most 8192 are sampled. */
 static double spsi_measure_extinction(const spsi_frame *frame) {
     const spsi_content *content = frame->content;
     const int step = 1 + content->particle_count / 8192;
     double mass = 0, volume = 0, covered = 0, sum = 0;
-    for (int n = 0, i = 0; n < content->particle_count; n += step) {
+    for (int n = 0; n < content->particle_count; n += step) {
+        const spsi_particle_set *set = spsi_set_of(frame, n);
         const double radius = (double)content->particles[n].radius, square = radius * radius;
-        double depth, most;
-        while (n >= content->set_ends[i]) ++i;
-        depth =
-            spsi_dmin(spsi_particle_depth(&content->particles[n], &frame->particles.sets[i]), (double)SPSI_DEPTH_MAX);
-        most = depth * (frame->particles.sets[i].soft ? 0.25 : 0.5);
+        const double depth = spsi_dmin(spsi_particle_depth(&content->particles[n], set), (double)SPSI_DEPTH_MAX);
+        const double most = depth * (set->soft ? 0.25 : 0.5);
         mass += step * most * square;
         volume += step * square * radius;
         covered += square * depth / (1 + depth);
@@ -6209,23 +6201,6 @@ SPSI_COLD sps_result spsi_gather_particles(sps_context *context, const spsi_fram
     spsi_measure_particles(frame);
     spsi_tell_replaced(context, replaced, "particles were invalid and are ignored");
     return SPS_OK;
-}
-
-/* Finds an item's list by binary search. Lists are consecutive; apart: stride of `ends`. */
-static int spsi_list_of(const int *ends, int apart, int count, int item) {
-    int low = 0, high = count - 1;
-    while (low < high) {
-        const int middle = (low + high) / 2;
-        if (item < ends[middle * apart])
-            high = middle;
-        else
-            low = middle + 1;
-    }
-    return low;
-}
-
-static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particle) {
-    return &frame->particles.sets[spsi_list_of(frame->content->set_ends, 1, frame->particles.set_count, particle)];
 }
 
 /* --- bound on multiple scattering --- */
@@ -6302,22 +6277,6 @@ SPSI_COLD int spsi_bound_add_particle(const spsi_bound_grid *grid, const spsi_pa
     return 1;
 }
 
-/* Upper bound on straight segments' optical depth. */
-SPSI_COLD double spsi_bound_depth(const spsi_bound_grid *grid) {
-    double most = 0;
-    for (int axis = 0; axis < 3; ++axis) {
-        float planes[SPSI_BOUND_SIDE] = {0};
-        double sum = 0;
-        for (int i = 0, apart = 1 << 5 * axis; i < SPSI_BOUND_CELLS; ++i) {
-            float *plane = &planes[i / apart % SPSI_BOUND_SIDE];
-            *plane = spsi_fmax(*plane, grid->all[i]);
-        }
-        for (int i = 0; i < SPSI_BOUND_SIDE; ++i) sum += grid->edge[axis] * (double)planes[i];
-        most = spsi_dmax(most, sqrt(3.0) * sum);
-    }
-    return most;
-}
-
 SPSI_COLD void spsi_bound_add_volumes(const sps_context *context, const spsi_frame *frame,
                                       const spsi_bound_grid *grid) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
@@ -6365,21 +6324,18 @@ SPSI_COLD double spsi_densest_path(sps_context *context, const spsi_frame *frame
         grid.edge[k] = spsi_dmax((grid.bounds.high[k] - grid.bounds.low[k]) / SPSI_BOUND_SIDE, DBL_MIN);
     spsi_bound_add_volumes(context, frame, &grid);
     const double large = spsi_bound_add_particles(frame, &grid);
-    return spsi_bound_depth(&grid) + large;
-}
-
-/* Maximum albedo; 1 with ambient light, as media shadow it. */
-SPSI_COLD double spsi_largest_albedo(const spsi_frame *frame) {
-    float most = frame->has_ambient ? 1 : 0;
-    for (int m = 0; m < frame->matter.material_count; ++m) {
-        const spsi_material *material = &frame->matter.materials[m];
-        for (int c = 0; c < 3; ++c) {
-            most = spsi_fmax(most, material->albedo[c]);
-            for (int i = 0; i <= SPSI_TABLE_SIZE && material->table; ++i)
-                most = spsi_fmax(most, material->table->entry[i][c]);
+    double most = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+        float planes[SPSI_BOUND_SIDE] = {0};
+        double sum = 0;
+        for (int i = 0, apart = 1 << 5 * axis; i < SPSI_BOUND_CELLS; ++i) {
+            float *plane = &planes[i / apart % SPSI_BOUND_SIDE];
+            *plane = spsi_fmax(*plane, grid.all[i]);
         }
+        for (int i = 0; i < SPSI_BOUND_SIDE; ++i) sum += grid.edge[axis] * (double)planes[i];
+        most = spsi_dmax(most, sqrt(3.0) * sum);
     }
-    return spsi_dmin((double)most, 1);
+    return most + large;
 }
 
 /* True if polygons and media illuminate each other, which has no known bound. */
@@ -6396,7 +6352,17 @@ SPSI_COLD sps_result spsi_decide_scattering(sps_context *context, spsi_frame *fr
     if (spsi_light_meets_gas(frame) && spsi_polygons_scatter(frame)) {
         *bound = SPSI_BOUND_NONE;
     } else if (spsi_light_meets_gas(frame)) {
-        const double depth = spsi_densest_path(context, frame), x = -spsi_largest_albedo(frame) * expm1(-depth);
+        /* Maximum albedo; 1 with ambient light, as media shadow it. */
+        float most = frame->has_ambient ? 1 : 0;
+        for (int m = 0; m < frame->matter.material_count; ++m) {
+            const spsi_material *material = &frame->matter.materials[m];
+            for (int c = 0; c < 3; ++c) {
+                most = spsi_fmax(most, material->albedo[c]);
+                for (int i = 0; i <= SPSI_TABLE_SIZE && material->table; ++i)
+                    most = spsi_fmax(most, material->table->entry[i][c]);
+            }
+        }
+        const double depth = spsi_densest_path(context, frame), x = -spsi_dmin((double)most, 1) * expm1(-depth);
         if (depth < 0) return context->result;
         *bound = x < 1 ? spsi_dmin(x / (1 - x), SPSI_BOUND_NONE) : SPSI_BOUND_NONE;
     }
@@ -6560,11 +6526,11 @@ static int spsi_tree_split(spsi_tree *tree, spsi_tree_item *items, const spsi_tr
     node->first = middle / 2 * 2;
     node->count = 0;
     children = &tree->nodes[node->first];
-    children[0].first = first;
-    children[0].count = middle - first;
-    children[1].first = middle;
-    children[1].count = first + count - middle;
-    for (int i = 0; i < 2; ++i) next[i].node = node->first + i, next[i].depth = task->depth + 1;
+    for (int i = 0; i < 2; ++i) {
+        children[i].first = i ? middle : first;
+        children[i].count = i ? first + count - middle : middle - first;
+        next[i].node = node->first + i, next[i].depth = task->depth + 1;
+    }
     return 1;
 }
 
@@ -11090,23 +11056,6 @@ static void spsi_pyramid_at(const spsi_pyramid_level *field, int place, int at[3
     at[2] = place / (field->size[0] * field->size[1]) + field->low[2];
 }
 
-SPSI_COLD void spsi_pyramid_place(const spsi_brick *bricks, int taps, spsi_pyramid_level *field) {
-    const int most = SPSI_SIZE_MAX * SPSI_SIZE_MAX;
-    int high[3] = {-most, -most, -most};
-    for (int k = 0; k < 3; ++k) field->low[k] = most;
-    for (int i = field->first; i < field->end; ++i) {
-        int range[2][3];
-        spsi_pyramid_reach(&bricks[i], taps, range);
-        field->voxels += bricks[i].count;
-        field->most = spsi_fmax(field->most, bricks[i].most);
-        for (int k = 0; k < 3; ++k) {
-            field->low[k] = spsi_imin(field->low[k], spsi_pyramid_half(range[0][k]));
-            high[k] = spsi_imax(high[k], spsi_pyramid_half(range[1][k]));
-        }
-    }
-    for (int k = 0; k < 3; ++k) field->size[k] = field->end > field->first ? high[k] - field->low[k] + 1 : 0;
-}
-
 static void spsi_pyramid_mark(const spsi_brick *brick, int taps, spsi_pyramid_level *field) {
     int range[2][3], at[3];
     spsi_pyramid_reach(brick, taps, range);
@@ -11724,24 +11673,6 @@ static inline void spsi_sampler_rays_build(const spsi_sampler *t, const spsi_til
     rays->limit = spsi_set(SPSI_INFINITY);
 }
 
-static inline void spsi_sampler_rays_limit(const spsi_sampler *t, const spsi_tile *tile, int x, int y,
-                                           spsi_sampler_rays *rays) {
-    const spsi_v steps = spsi_set((float)t->steps), last = spsi_set((float)tile->slab_count);
-    const spsi_v slope = spsi_div(spsi_set(1), rays->per_slab);
-    spsi_v begin, end, low, high; /* slab coordinates; sample indices */
-    rays->nearest = spsi_set(t->near_d);
-    rays->limit = spsi_hit_depths(tile->limits, tile->limit_width, tile->limit_height, x, y);
-    begin = spsi_fma(slope, rays->nearest, rays->base);
-    end = spsi_fma(slope, rays->limit, rays->base);
-    low = spsi_mul(spsi_floor(spsi_clamp(spsi_min(begin, end), spsi_set(0), last)), steps);
-    high = spsi_mul(spsi_floor(spsi_clamp(spsi_max(begin, end), spsi_set(-1), last)), steps);
-    SPSI_ROLLED for (int n = 0; n <= rays->alternates; ++n) {
-        spsi_sampler_line *line = &rays->lines[n];
-        line->first = spsi_max(line->first, spsi_sub(low, spsi_set(1)));
-        line->end = spsi_min(line->end, spsi_add(high, spsi_add(steps, spsi_set(1))));
-    }
-}
-
 static inline spsi_v spsi_sampler_sample(const spsi_sampler *t, const spsi_sampler_rays *rays, int n, int lanes,
                                          uint64_t *count) {
     const spsi_sampler_line *line = &rays->lines[n & rays->alternates];
@@ -11938,7 +11869,22 @@ static void spsi_sampler_row(const spsi_sampler *t, spsi_tile *tile, int x, int 
         spsi_sampler_rays_build(t, tile, column, row, part, &rays);
         rays.lanes = lanes;
         rays.by_slab = by_slab;
-        if (tile->clamped && !t->whole) spsi_sampler_rays_limit(t, tile, x, y, &rays);
+        if (tile->clamped && !t->whole) {
+            const spsi_v steps = spsi_set((float)t->steps), last = spsi_set((float)tile->slab_count);
+            const spsi_v slope = spsi_div(spsi_set(1), rays.per_slab);
+            spsi_v begin, end, low, high; /* slab coordinates; sample indices */
+            rays.nearest = spsi_set(t->near_d);
+            rays.limit = spsi_hit_depths(tile->limits, tile->limit_width, tile->limit_height, x, y);
+            begin = spsi_fma(slope, rays.nearest, rays.base);
+            end = spsi_fma(slope, rays.limit, rays.base);
+            low = spsi_mul(spsi_floor(spsi_clamp(spsi_min(begin, end), spsi_set(0), last)), steps);
+            high = spsi_mul(spsi_floor(spsi_clamp(spsi_max(begin, end), spsi_set(-1), last)), steps);
+            SPSI_ROLLED for (int n = 0; n <= rays.alternates; ++n) {
+                spsi_sampler_line *line = &rays.lines[n];
+                line->first = spsi_max(line->first, spsi_sub(low, spsi_set(1)));
+                line->end = spsi_min(line->end, spsi_add(high, spsi_add(steps, spsi_set(1))));
+            }
+        }
         if (t->cropped)
             spsi_sampler_add_cropped(t, tile, &rays, sheets, at, tile->sheet_size);
         else
@@ -12266,19 +12212,6 @@ SPSI_COLD void spsi_sampler_longest(const spsi_sampler *sampler, const spsi_rays
     }
 }
 
-/* Samples per voxel volume at `q`. More than four rays count as four; otherwise media in perspective would be splatted
-   and appear wider. */
-SPSI_COLD double spsi_sampler_density(const spsi_sampler *sampler, const spsi_rays *rays, const double q[3]) {
-    const double depth = q[2] - rays->depth_reference;
-    double across[2][3], way[3], steps;
-    spsi_sampler_longest(sampler, rays, q, way);
-    for (int k = 0; k < 3; ++k)
-        for (int i = 0; i < 2; ++i)
-            across[i][k] = (double)sampler->at[k].base[1 + i] + depth * (double)sampler->at[k].slope[1 + i];
-    steps = sampler->lone ? 1 : spsi_dmax(ceil(sqrt(spsi_dot(way, way)) / spsi_sampler_step(sampler->fields)), 1);
-    return steps * spsi_imin(sampler->rays, 4) / fabs(spsi_determinant(across[0], across[1], way));
-}
-
 SPSI_COLD spsi_fill_choice spsi_sampler_serves_at(spsi_sampler *sampler, const spsi_rays *rays,
                                                   const spsi_splatter *splatter, const double q[3]) {
     const double pitch = spsi_dmin(spsi_length(rays->a), spsi_length(rays->b));
@@ -12336,7 +12269,16 @@ SPSI_COLD int spsi_sampler_pays(const spsi_sampler *sampler, const spsi_lattice 
     spsi_footprint_variances(splatter, q, &least, &area);
     area *= SPSI_PI * cut * cut;
     fragments = area * (1 + 4.0 / 3 * (double)splatter->reach_slabs); /* mean chord of a sphere */
-    samples = field->volume / (size * size * size) * spsi_sampler_density(sampler, rays, q);
+    /* More than four rays count as four; otherwise media in perspective would be splatted and appear wider. */
+    const double depth = q[2] - rays->depth_reference;
+    double across[2][3], way[3], steps;
+    spsi_sampler_longest(sampler, rays, q, way);
+    for (int k = 0; k < 3; ++k)
+        for (int i = 0; i < 2; ++i)
+            across[i][k] = (double)sampler->at[k].base[1 + i] + depth * (double)sampler->at[k].slope[1 + i];
+    steps = sampler->lone ? 1 : spsi_dmax(ceil(sqrt(spsi_dot(way, way)) / spsi_sampler_step(sampler->fields)), 1);
+    samples = field->volume / (size * size * size) *
+              (steps * spsi_imin(sampler->rays, 4) / fabs(spsi_determinant(across[0], across[1], way)));
     return samples * (sampler->fields->taps == 4 ? SPSI_COST_SAMPLE : SPSI_COST_SAMPLE_WIDE) <
            field->voxels * (SPSI_COST_FOOTPRINT + SPSI_COST_FRAGMENT * fragments);
 }
@@ -12586,7 +12528,20 @@ SPSI_COLD size_t spsi_pyramids_begin(const sps_context *context, const spsi_fram
         field->first = first;
         while (first < context->brick_count && bricks[first].lattice == m) ++first;
         field->end = first;
-        spsi_pyramid_place(bricks, fields->taps, field);
+        const int most = SPSI_SIZE_MAX * SPSI_SIZE_MAX;
+        int high[3] = {-most, -most, -most};
+        for (int k = 0; k < 3; ++k) field->low[k] = most;
+        for (int i = field->first; i < field->end; ++i) {
+            int range[2][3];
+            spsi_pyramid_reach(&bricks[i], fields->taps, range);
+            field->voxels += bricks[i].count;
+            field->most = spsi_fmax(field->most, bricks[i].most);
+            for (int k = 0; k < 3; ++k) {
+                field->low[k] = spsi_imin(field->low[k], spsi_pyramid_half(range[0][k]));
+                high[k] = spsi_imax(high[k], spsi_pyramid_half(range[1][k]));
+            }
+        }
+        for (int k = 0; k < 3; ++k) field->size[k] = field->end > field->first ? high[k] - field->low[k] + 1 : 0;
         if (spsi_pyramid_cells(field) > spsi_pyramid_cells_most(frame, m, (size_t)(field->end - field->first)))
             field->size[0] = 0;
         all += spsi_pyramid_cells(field) * spsi_pyramid_ints(frame, m);
@@ -16419,20 +16374,6 @@ static void spsi_spread_find(const spsi_spread *spread, const spsi_v at[3], spsi
     place->row[1] = spsi_add(place->row[0], rows);
 }
 
-/* Lookup coordinates one sheet in front of a point. */
-static void spsi_spread_coordinates(const spsi_spread *spread, const double point[3], spsi_v at[3]) {
-    const spsi_rays *rays = &spread->map.rays[0];
-    const double sheet = spsi_spread_thickness(spread);
-    double from[3], t, nearer;
-    spsi_along(point, rays->origin, -1, from);
-    t = spsi_dot(rays->inverse[2], from);
-    if (spread->map.face_count > 1) t = spsi_dmax(fabs(from[0]), spsi_dmax(fabs(from[1]), fabs(from[2])));
-    nearer = rays->perspective ? spsi_dmax(1 - sheet / spsi_dmax(t, DBL_MIN), 0) : 1;
-    for (int i = 0; i < 3; ++i)
-        at[i] = spsi_set((float)(nearer * (spread->map.face_count > 1 ? from[i] : spsi_dot(rays->inverse[i], from))));
-    if (spread->map.face_count == 1) at[2] = spsi_set((float)(t - sheet - rays->depth_reference));
-}
-
 static spsi_v spsi_spread_lookup(const spsi_spread *spread, const float *values, const spsi_spread_place *place) {
     const spsi_tmap_quads *quads = &place->quads;
     spsi_v sum = spsi_set(0);
@@ -20020,7 +19961,9 @@ static spsi_v spsi_highlight(spsi_v cosine, float exponent) {
 static void spsi_sample_response(const spsi_material *material, const spsi_sample *sample, const spsi_v toward[3],
                                  const spsi_v travel[3], spsi_v response[3]) {
     const spsi_v cosine = spsi_sub(spsi_set(0), spsi_dot_v(travel, toward));
-    const spsi_v gas = spsi_phase(material, cosine);
+    spsi_v gas = spsi_set(0);
+    SPSI_ROLLED for (int i = 0; i < material->lobe_count; ++i)
+        gas = spsi_fma(spsi_lobe_phase(material->lobes[i].asymmetry, cosine), spsi_set(material->lobes[i].weight), gas);
     spsi_v halfway[3], facing, diffuse, shine = spsi_set(0);
     if (!sample->has_normal) {
         for (int c = 0; c < 3; ++c) response[c] = spsi_mul(sample->color[c], gas);
@@ -20494,24 +20437,6 @@ static void spsi_subslab_filter(const spsi_shader *shader, const spsi_shadow *sh
         filter[c] = spsi_mul(sum[c], spsi_set(1.0f / (float)(shadow->translucency_map_count * steps)));
 }
 
-/* Fraction of transmitted light blocked by opaque polygons, averaged over the light's points. */
-static spsi_v spsi_subslab_hidden(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
-                                  const spsi_pixels *p, const spsi_subslab *part) {
-    const int count = shader->frame->matter.classifies ? 1 : SPSI_SUBSLABS;
-    const spsi_v layers = spsi_set(SPSI_SUBSLABS), scale = spsi_div(layers, p->scale);
-    spsi_v sum = spsi_set(0), place[3];
-    SPSI_ROLLED for (int i = 0; i < count; ++i) {
-        const spsi_v d = spsi_fma(part->half, spsi_set((float)(2 * i + 1) / (float)count - 1), part->middle);
-        spsi_row_linears_at(&arrival->linears, d, place);
-        const spsi_v k = spsi_floor(spsi_clamp(spsi_fma(d, scale, spsi_mul(layers, p->base)), spsi_set(0),
-                                               spsi_set(SPSI_SUBSLABS * SPSI_CHUNK - 1)));
-        spsi_v q[2];
-        spsi_sliced_project(shadow->sliced, place, q);
-        sum = spsi_add(sum, spsi_planes_find(&shadow->sliced->planes, shadow->sliced->penumbra.hidden, k, q));
-    }
-    return spsi_mul(sum, spsi_set(1.0f / (float)count));
-}
-
 /* Mean transmittance over a group's matter from a light, and to the eye if `eye`. Optical depth is assumed linear in a
    slab, with quadratic error. Pairs of slabs have four times this error, so a third of the difference is added
    (Richardson). */
@@ -20563,7 +20488,20 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
     }
     if (shadow->translucency_map_count > 0) spsi_subslab_filter(shader, shadow, p, part, filter);
     if (shadow->soft && shadow->sliced->penumbra.hidden) {
-        const spsi_v seen = spsi_sub(spsi_set(1), spsi_subslab_hidden(shader, shadow, arrival, p, part));
+        /* Fraction of transmitted light blocked by opaque polygons, averaged over the light's points. */
+        const int count = shader->frame->matter.classifies ? 1 : SPSI_SUBSLABS;
+        const spsi_v layers = spsi_set(SPSI_SUBSLABS), scale = spsi_div(layers, p->scale);
+        spsi_v sum = spsi_set(0), place[3];
+        SPSI_ROLLED for (int i = 0; i < count; ++i) {
+            const spsi_v d = spsi_fma(part->half, spsi_set((float)(2 * i + 1) / (float)count - 1), part->middle);
+            spsi_row_linears_at(&arrival->linears, d, place);
+            const spsi_v k = spsi_floor(spsi_clamp(spsi_fma(d, scale, spsi_mul(layers, p->base)), spsi_set(0),
+                                                   spsi_set(SPSI_SUBSLABS * SPSI_CHUNK - 1)));
+            spsi_v q[2];
+            spsi_sliced_project(shadow->sliced, place, q);
+            sum = spsi_add(sum, spsi_planes_find(&shadow->sliced->planes, shadow->sliced->penumbra.hidden, k, q));
+        }
+        const spsi_v seen = spsi_sub(spsi_set(1), spsi_mul(sum, spsi_set(1.0f / (float)count)));
         for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(filter[c], seen);
     }
     for (int c = 0; c < 3; ++c) {
@@ -21052,7 +20990,17 @@ static void spsi_add_spread_on(const spsi_shader *shader, const spsi_shadow *sha
     if (!spsi_normalise(normal) || !spsi_normalise(toward)) return;
     cosine = spsi_dot(normal, toward) / (light->falls_off ? distance * distance : 1);
     if (!(cosine > 0)) return;
-    spsi_spread_coordinates(spread, surface.point, at);
+    /* coordinates one sheet in front of the point */
+    const spsi_rays *rays = &spread->map.rays[0];
+    const double sheet = spsi_spread_thickness(spread);
+    double from[3], t, nearer;
+    spsi_along(surface.point, rays->origin, -1, from);
+    t = spsi_dot(rays->inverse[2], from);
+    if (spread->map.face_count > 1) t = spsi_dmax(fabs(from[0]), spsi_dmax(fabs(from[1]), fabs(from[2])));
+    nearer = rays->perspective ? spsi_dmax(1 - sheet / spsi_dmax(t, DBL_MIN), 0) : 1;
+    for (int i = 0; i < 3; ++i)
+        at[i] = spsi_set((float)(nearer * (spread->map.face_count > 1 ? from[i] : spsi_dot(rays->inverse[i], from))));
+    if (spread->map.face_count == 1) at[2] = spsi_set((float)(t - sheet - rays->depth_reference));
     spsi_spread_find(spread, at, &place);
     for (int c = 0; c < 3; ++c) {
         const size_t own = (size_t)(spsi_imin(c, spread->channels - 1) * (spread->sheet_count + 1)) * spread->plane;
@@ -21161,17 +21109,6 @@ static int spsi_surfaces_open(const spsi_shader *shader, const spsi_shadow *shad
     return reached;
 }
 
-static spsi_v spsi_surfaces_depth(const spsi_shadow *shadow, const spsi_surfaces *list, int point, int reached) {
-    const spsi_penumbra *penumbra = &shadow->sliced->penumbra;
-    float lanes[SPSI_LANES] = {0};
-    for (int n = 0; reached >> n; ++n) {
-        double at[3];
-        spsi_points_get(&list->points, n, at);
-        if (reached >> n & 1) lanes[n] = (float)spsi_beam_depth_at(penumbra, &penumbra->beams[point], at);
-    }
-    return spsi_load(lanes);
-}
-
 /* Adds direct light. `shadow` NULL: no occlusion. Optical depth is measured to the light's centre; with soft shadows,
    to each point. */
 static void spsi_surfaces_add_light(const spsi_shader *shader, const spsi_light *light, const spsi_shadow *shadow,
@@ -21185,12 +21122,16 @@ static void spsi_surfaces_add_light(const spsi_shader *shader, const spsi_light 
         if (shadow) reached = spsi_surfaces_open(shader, shadow, list, i, open);
         if (!reached) continue;
         spsi_surfaces_add_point(shader, &light->points[i], list, unit, irradiance);
-        if (shadow && shadow->soft) depth = spsi_surfaces_depth(shadow, list, i, reached);
-        if (!known && !shadow->soft) {
-            float lanes[SPSI_LANES];
-            spsi_shadow_surfaces(shadow, shader->first_slab, &list->points, lanes);
-            depth = spsi_load(lanes), known = 1;
+        float lanes[SPSI_LANES] = {0};
+        for (int n = 0; shadow && shadow->soft && reached >> n; ++n) {
+            const spsi_penumbra *penumbra = &shadow->sliced->penumbra;
+            double at[3];
+            spsi_points_get(&list->points, n, at);
+            if (reached >> n & 1) lanes[n] = (float)spsi_beam_depth_at(penumbra, &penumbra->beams[i], at);
         }
+        if (!known && !shadow->soft) spsi_shadow_surfaces(shadow, shader->first_slab, &list->points, lanes);
+        if (!known) depth = spsi_load(lanes);
+        known |= shadow && !shadow->soft;
         for (int c = 0; c < 3; ++c) {
             if (shadow)
                 open[c] = spsi_mul(open[c], spsi_straight_passes(shader->frame, light, c, depth, &list->points));
@@ -21281,26 +21222,6 @@ static int spsi_pixels_layered(const spsi_shader *shader, int x, int y, int widt
     const uint32_t *first = shader->visible->layers.first;
     const size_t pixel = (size_t)y * (size_t)shader->eye->width + (size_t)x;
     return shader->hits && first && !shader->again.measures && first[pixel] < first[pixel + (size_t)width];
-}
-
-static void spsi_pending_begin(const spsi_shader *shader, const spsi_pixels *p, int width, float low,
-                               spsi_pending *ahead) {
-    const spsi_layers *layers = &shader->visible->layers;
-    const size_t pixel = (size_t)p->y * (size_t)shader->eye->width + (size_t)p->x;
-    const int count = spsi_pixels_layered(shader, p->x, p->y, width) ? width : 0;
-    ahead->list = layers->list;
-    SPSI_ROLLED for (int lane = 0; lane < SPSI_LANES; ++lane) {
-        ahead->first[lane] = lane < count ? layers->first[pixel + (size_t)lane] : 0;
-        ahead->count[lane] = lane < count ? layers->first[pixel + (size_t)lane + 1] - ahead->first[lane] : 0;
-        ahead->front[lane] = shader->sweep->back_to_front ? ahead->count[lane] : 0;
-        spsi_pending_look(shader, lane, ahead);
-    }
-    spsi_pending_measure(shader, p, ahead);
-    for (int bits = spsi_pending_before(ahead, low); bits; bits = spsi_pending_before(ahead, low)) {
-        for (int lane = 0; bits >> lane; ++lane)
-            if (bits >> lane & 1) spsi_pending_pass(shader, lane, ahead);
-        spsi_pending_measure(shader, p, ahead);
-    }
 }
 
 /* Transmittance of layers in front, averaged over colors. */
@@ -21472,27 +21393,6 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
     return 1;
 }
 
-/* `depth`: the ray's optical depth so far. `part` must contain the previous part: this one begins at its end. */
-static void spsi_subslab_build(const spsi_shader *shader, const spsi_slab *slab, int i, spsi_v depth,
-                               spsi_subslab *part) {
-    const int backwards = shader->sweep->back_to_front;
-    const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
-    const float count = (float)slab->part_count;
-    const spsi_v share = spsi_div(slab->part_depth[i], spsi_max(slab->depth, spsi_set(FLT_MIN)));
-    part->samples = slab->samples + i * slab->material_count;
-    part->middle = spsi_mix(from, to, spsi_set(((float)i + 0.5f) / count));
-    part->half = spsi_mul(spsi_abs(spsi_sub(to, from)), spsi_set(0.5f / count));
-    part->ends[0] = i > 0 ? spsi_mix(from, to, spsi_set((float)i / count)) : from;
-    part->ends[1] = i + 1 < slab->part_count ? spsi_mix(from, to, spsi_set(((float)i + 1) / count)) : to;
-    part->depth = slab->part_depth[i];
-    part->first = i > 0 ? part->last : spsi_set(0);
-    part->last = i + 1 < slab->part_count ? spsi_min(spsi_add(part->first, share), spsi_set(1)) : spsi_set(1);
-    part->number = i;
-    part->is_cut = 0;
-    part->before = backwards ? part->depth : depth;
-    part->after = backwards ? spsi_set(0) : spsi_add(depth, part->depth);
-}
-
 /* Cuts a part to range `cut`, in slab fractions. `samples` receives the cut samples. Returns 0 if nothing is left. */
 static int spsi_subslab_cut(const spsi_shader *shader, const spsi_slab *slab, const spsi_v cut[2], spsi_sample *samples,
                             spsi_v depth, spsi_subslab *part) {
@@ -21576,7 +21476,24 @@ static void spsi_add_subslabs(const spsi_shading *shading, const spsi_v *cut, sp
     spsi_subslab part;
     for (int i = 0; i < row->slab.part_count; ++i) {
         spsi_v last;
-        spsi_subslab_build(shader, &row->slab, i, row->sum.depth, &part);
+        /* `part` contains the previous one, at whose end this one begins */
+        const int backwards = shader->sweep->back_to_front;
+        const spsi_v from = backwards ? row->slab.leave : row->slab.enter;
+        const spsi_v to = backwards ? row->slab.enter : row->slab.leave;
+        const float count = (float)row->slab.part_count;
+        const spsi_v share = spsi_div(row->slab.part_depth[i], spsi_max(row->slab.depth, spsi_set(FLT_MIN)));
+        part.samples = row->slab.samples + i * row->slab.material_count;
+        part.middle = spsi_mix(from, to, spsi_set(((float)i + 0.5f) / count));
+        part.half = spsi_mul(spsi_abs(spsi_sub(to, from)), spsi_set(0.5f / count));
+        part.ends[0] = i > 0 ? spsi_mix(from, to, spsi_set((float)i / count)) : from;
+        part.ends[1] = i + 1 < row->slab.part_count ? spsi_mix(from, to, spsi_set(((float)i + 1) / count)) : to;
+        part.depth = row->slab.part_depth[i];
+        part.first = i > 0 ? part.last : spsi_set(0);
+        part.last = i + 1 < row->slab.part_count ? spsi_min(spsi_add(part.first, share), spsi_set(1)) : spsi_set(1);
+        part.number = i;
+        part.is_cut = 0;
+        part.before = backwards ? part.depth : row->sum.depth;
+        part.after = backwards ? spsi_set(0) : spsi_add(row->sum.depth, part.depth);
         last = part.last;
         if ((!cut || spsi_subslab_cut(shader, &row->slab, cut, samples, row->sum.depth, &part)) &&
             (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), part.depth))))
@@ -21681,13 +21598,27 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
         row.slab.arrivals[i].plane = -1;
         spsi_row_linears_build(shader->shadows[i].along, row.pixels.at, (float)y, &row.slab.arrivals[i].linears);
     }
-    spsi_pending_begin(shader, &row.pixels, width, shading->low, &row.ahead);
+    const spsi_layers *layers = &shader->visible->layers;
+    const size_t pixel = (size_t)row.pixels.y * (size_t)shader->eye->width + (size_t)row.pixels.x;
+    const int count = spsi_pixels_layered(shader, row.pixels.x, row.pixels.y, width) ? width : 0;
+    row.ahead.list = layers->list;
+    SPSI_ROLLED for (int lane = 0; lane < SPSI_LANES; ++lane) {
+        row.ahead.first[lane] = lane < count ? layers->first[pixel + (size_t)lane] : 0;
+        row.ahead.count[lane] = lane < count ? layers->first[pixel + (size_t)lane + 1] - row.ahead.first[lane] : 0;
+        row.ahead.front[lane] = shader->sweep->back_to_front ? row.ahead.count[lane] : 0;
+        spsi_pending_look(shader, lane, &row.ahead);
+    }
+    spsi_pending_measure(shader, &row.pixels, &row.ahead);
+    for (int bits = spsi_pending_before(&row.ahead, shading->low); bits;
+         bits = spsi_pending_before(&row.ahead, shading->low)) {
+        for (int lane = 0; bits >> lane; ++lane)
+            if (bits >> lane & 1) spsi_pending_pass(shader, lane, &row.ahead);
+        spsi_pending_measure(shader, &row.pixels, &row.ahead);
+    }
     spsi_gathered_load(shader, at, &row.sum);
     for (int k = 0; k < spsi_imax(shading->slab_count, 1); k += group) {
         held += width * spsi_add_slab(shading, k, &row);
-        if (!shader->sweep->back_to_front && shading->slab_count > 0 &&
-            !spsi_end_rays(shader, k + group, &row))
-            break;
+        if (!shader->sweep->back_to_front && shading->slab_count > 0 && !spsi_end_rays(shader, k + group, &row)) break;
     }
     spsi_gathered_store(shader, at, &row.sum);
     return held;
@@ -24568,22 +24499,6 @@ SPSI_COLD double spsi_light_error(const spsi_light *light, const spsi_setting *s
     return spsi_point_errors[at] * spsi_dmax(1, sqrt((double)spsi_point_presets[0] / light->samples));
 }
 
-/* Mean optical depth across scattering particles, weighted by the light each intercepts; 0 until read. */
-SPSI_COLD double spsi_spheres_depth(const spsi_frame *frame) {
-    double sum = 0, weights = 0;
-    for (int i = 0, n = 0; i < frame->particles.set_count && frame->content->particle_count > 0; ++i) {
-        const spsi_particle_set *set = &frame->particles.sets[i];
-        for (; n < frame->content->set_ends[i]; ++n) {
-            const spsi_particle *sphere = &frame->content->particles[n];
-            const double radius = (double)sphere->radius, depth = spsi_particle_depth(sphere, set);
-            if (!frame->matter.materials[set->channel].scatters) continue;
-            sum += radius * radius * spsi_dmin(depth, 1) * depth;
-            weights += radius * radius * spsi_dmin(depth, 1);
-        }
-    }
-    return weights > 0 ? sum / weights : 0;
-}
-
 /* Against black, a medium with relative error e, covering a fraction c of pixels, has error e / sqrt(c) in the image.
    Out of view, it may still shadow polygons. `spheres`: from spsi_spheres_depth. */
 SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting *setting, double spheres) {
@@ -24714,7 +24629,19 @@ SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame,
                                         sps_budget_report *report) {
     const spsi_setting *only = context->pace.only;
     const uint64_t gas = spsi_gas_fingerprint(frame);
-    const double spheres = spsi_spheres_depth(frame);
+    /* Mean optical depth across scattering particles, weighted by the light each intercepts; 0 until read. */
+    double sum = 0, weights = 0;
+    for (int i = 0, n = 0; i < frame->particles.set_count && frame->content->particle_count > 0; ++i) {
+        const spsi_particle_set *set = &frame->particles.sets[i];
+        for (; n < frame->content->set_ends[i]; ++n) {
+            const spsi_particle *sphere = &frame->content->particles[n];
+            const double radius = (double)sphere->radius, depth = spsi_particle_depth(sphere, set);
+            if (!frame->matter.materials[set->channel].scatters) continue;
+            sum += radius * radius * spsi_dmin(depth, 1) * depth;
+            weights += radius * radius * spsi_dmin(depth, 1);
+        }
+    }
+    const double spheres = weights > 0 ? sum / weights : 0;
     const int points = spsi_lights_are_open(frame) ? SPSI_POINT_PRESETS : 1;
     spsi_candidate candidates[SPSI_CANDIDATES];
     spsi_work work;
@@ -26156,23 +26083,6 @@ SPSI_COLD double spsi_forward_fade(double t, double *taken) {
     return spsi_dmin((4 / (t + 4) - 4 / (end + 4)) / (4 / (from + 4) - 4 / (end + 4)), 1); /* 1 - u = 4 / (t + 4) */
 }
 
-/* Forward multiple scattering from its series, per unit of a sample's optical depth and unattenuated irradiance. */
-SPSI_COLD void spsi_march_forward(const spsi_material *material, const spsi_sample *sample, double cosine, double depth,
-                                  double sent[3]) {
-    double taken;
-    const double shown = spsi_forward_fade(depth, &taken);
-    spsi_legendre series;
-    spsi_legendre_moments(material, 0, &series);
-    for (int c = 0; c < 3; ++c) {
-        const float color = spsi_one(sample->color[c]);
-        if (c > 0) sent[c] = sent[c - 1];
-        if (c > 0 && color == spsi_one(sample->color[c - 1])) continue;
-        spsi_legendre_orders(&series, (double)color, taken);
-        sent[c] = shown * spsi_forward_at(material, &series, taken, cosine);
-        sent[c] *= (double)color * (sample->has_normal ? 1 - (double)spsi_one(sample->surface) : 1);
-    }
-}
-
 SPSI_COLD void spsi_point_add_light(const spsi_marcher *marcher, const spsi_point *point, const spsi_light *light,
                                     double weight, double source[3]) {
     double travel[3], arrives[3], response[3];
@@ -26187,8 +26097,20 @@ SPSI_COLD void spsi_point_add_light(const spsi_marcher *marcher, const spsi_poin
         spsi_march_response(material, &point->samples[m], point->direction, travel, response);
         for (int c = 0; c < 3; ++c) source[c] += share * response[c] * point->passes * exp(-depth) * arrives[c];
         if (!marcher->forward || !light->shadows) continue;
-        spsi_march_forward(material, &point->samples[m], -spsi_dot(travel, point->direction), depth + point->gas,
-                           response);
+        /* forward multiple scattering from its series */
+        double taken;
+        const double shown = spsi_forward_fade(depth + point->gas, &taken);
+        spsi_legendre series;
+        spsi_legendre_moments(material, 0, &series);
+        for (int c = 0; c < 3; ++c) {
+            const float color = spsi_one(point->samples[m].color[c]);
+            if (c > 0) response[c] = response[c - 1];
+            if (c > 0 && color == spsi_one(point->samples[m].color[c - 1])) continue;
+            spsi_legendre_orders(&series, (double)color, taken);
+            response[c] = shown * spsi_forward_at(material, &series, taken, -spsi_dot(travel, point->direction));
+            response[c] *=
+                (double)color * (point->samples[m].has_normal ? 1 - (double)spsi_one(point->samples[m].surface) : 1);
+        }
         for (int c = 0; c < 3; ++c) source[c] += share * response[c] * arrives[c];
     }
 }

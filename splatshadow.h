@@ -4865,6 +4865,32 @@ SPSI_COLD sps_result spsi_medium_place(sps_context *context, const sps_volume *v
 
 #define SPSI_CROP_ROOM 8 /* minimum of voxels read around a crop: the reach of classified samples */
 
+SPSI_COLD void spsi_medium_build(const sps_volume *volume, int index, spsi_lattice *lattice, spsi_medium *medium) {
+    medium->given = *volume;
+    medium->index = index;
+    medium->lattice = lattice;
+    const int cropped = spsi_volume_is_cropped(volume);
+    int longest = 0, crop[6];
+    for (int k = 0; k < 6; ++k) crop[k] = cropped ? volume->crop[k] : k < 3 ? 0 : volume->size[k - 3];
+    for (int k = 0; k < 3; ++k) longest = spsi_imax(longest, crop[3 + k] - crop[k]);
+    medium->lattice->room = SPSI_BORDER_MAX;
+    for (int k = 0; k < 3; ++k) {
+        const int room = cropped ? SPSI_CROP_ROOM + longest / 8 : SPSI_BORDER_MAX;
+        medium->low[k] = spsi_imax(-volume->border, crop[k] - room);
+        medium->high[k] = spsi_imin(volume->size[k] + volume->border, crop[3 + k] + room);
+        medium->lattice->room =
+            spsi_imin(medium->lattice->room, spsi_imin(crop[k] - medium->low[k], medium->high[k] - crop[3 + k]));
+        medium->lattice->crop[0][k] = crop[k];
+        medium->lattice->crop[1][k] = crop[3 + k];
+    }
+    medium->lattice->cropped = !cropped && volume->border == 0                ? SPSI_CROP_NONE
+                               : volume->transfer && !volume->classify_voxels ? SPSI_CROP_CLASSIFIED
+                                                                              : SPSI_CROP_GAS;
+    if (volume->read_fn == sps_grid_read && (!volume->range_fn || volume->range_fn == sps_grid_range) &&
+        !volume->appearance_fn)
+        medium->given.concurrent = 1;
+}
+
 /* margin in voxels. */
 static void spsi_medium_bounds(const spsi_medium *medium, double margin, spsi_bounds *bounds) {
     SPSI_ROLLED for (int corner = 0; corner < 8; ++corner) {
@@ -4947,29 +4973,7 @@ SPSI_COLD sps_result spsi_add_media(sps_context *context, spsi_frame *frame, con
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "volume_count",
                                    frame->given.volume_count,
                                    "at most 64 volumes may hold voxels; colors count as up to 6 more");
-        medium->given = *volume;
-        medium->index = index;
-        medium->lattice = &frame->lattices[frame->medium_count];
-        const int cropped = spsi_volume_is_cropped(volume);
-        int longest = 0, crop[6];
-        for (int k = 0; k < 6; ++k) crop[k] = cropped ? volume->crop[k] : k < 3 ? 0 : volume->size[k - 3];
-        for (int k = 0; k < 3; ++k) longest = spsi_imax(longest, crop[3 + k] - crop[k]);
-        medium->lattice->room = SPSI_BORDER_MAX;
-        for (int k = 0; k < 3; ++k) {
-            const int room = cropped ? SPSI_CROP_ROOM + longest / 8 : SPSI_BORDER_MAX;
-            medium->low[k] = spsi_imax(-volume->border, crop[k] - room);
-            medium->high[k] = spsi_imin(volume->size[k] + volume->border, crop[3 + k] + room);
-            medium->lattice->room =
-                spsi_imin(medium->lattice->room, spsi_imin(crop[k] - medium->low[k], medium->high[k] - crop[3 + k]));
-            medium->lattice->crop[0][k] = crop[k];
-            medium->lattice->crop[1][k] = crop[3 + k];
-        }
-        medium->lattice->cropped = !cropped && volume->border == 0                ? SPSI_CROP_NONE
-                                   : volume->transfer && !volume->classify_voxels ? SPSI_CROP_CLASSIFIED
-                                                                                  : SPSI_CROP_GAS;
-        if (volume->read_fn == sps_grid_read && (!volume->range_fn || volume->range_fn == sps_grid_range) &&
-            !volume->appearance_fn)
-            medium->given.concurrent = 1;
+        spsi_medium_build(volume, index, &frame->lattices[frame->medium_count], medium);
         medium->lattice->medium = frame->medium_count++;
         medium->part = (kind == 0 ? SPSI_PART_VALUES : kind == 1 ? SPSI_PART_RED : SPSI_PART_GLOW_RED) + n;
         medium->follows = kind == 1 ? n + 1 : 0;
@@ -15511,18 +15515,6 @@ static void spsi_row_add(const spsi_texel_grid *grid, const spsi_slide *slide, c
     }
 }
 
-/* -ln x, at most `end`, a power of 2. With z = x^(1/end) >= 1/e and t = (z-1)/(z+1), ln z = 2 (t + t^3/3 + ..). Terms
-   up to t^13 have error 2e-5 at SPSI_LIGHT_END, 8e-5 at SPSI_FORWARD_END. Exactly 0 at 1. */
-static inline spsi_v spsi_minus_log(spsi_v x, float end) {
-    const float least = end > SPSI_LIGHT_END ? 1.6038109e-28f : 1.1253517e-7f;
-    spsi_v z = spsi_max(x, spsi_set(least)), t, square, sum = spsi_set(1.0f / 13);
-    for (float power = 1; power < end; power *= 2) z = spsi_sqrt(z);
-    t = spsi_div(spsi_sub(spsi_set(1), z), spsi_add(spsi_set(1), z));
-    square = spsi_mul(t, t);
-    for (int n = 11; n > 0; n -= 2) sum = spsi_fma(sum, square, spsi_set(1.0f / (float)n));
-    return spsi_mul(spsi_mul(t, sum), spsi_set(2 * end));
-}
-
 /* --- setup --- */
 
 /* Aims rays along the centre's axes; directional rays match its texels where slabs begin. Returns 0 if media are
@@ -15845,7 +15837,15 @@ static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, const spsi_t
             const spsi_v share = spsi_mul(spsi_load_first(stopped, some), per_passed);
             spsi_store_first(stopped, spsi_min(share, one), some);
         }
-        spsi_store_first(plane + x, spsi_minus_log(spsi_div(passes, all), penumbra->end), some);
+        /* -ln x, at most `end`, a power of 2. With z = x^(1/end) >= 1/e and t = (z-1)/(z+1), ln z = 2 (t + t^3/3 + ..).
+           Terms up to t^13 have error 2e-5 at SPSI_LIGHT_END, 8e-5 at SPSI_FORWARD_END. Exactly 0 at 1. */
+        const float least = penumbra->end > SPSI_LIGHT_END ? 1.6038109e-28f : 1.1253517e-7f;
+        spsi_v z = spsi_max(spsi_div(passes, all), spsi_set(least)), t, square, sum = spsi_set(1.0f / 13);
+        for (float power = 1; power < penumbra->end; power *= 2) z = spsi_sqrt(z);
+        t = spsi_div(spsi_sub(spsi_set(1), z), spsi_add(spsi_set(1), z));
+        square = spsi_mul(t, t);
+        for (int n = 11; n > 0; n -= 2) sum = spsi_fma(sum, square, spsi_set(1.0f / (float)n));
+        spsi_store_first(plane + x, spsi_mul(spsi_mul(t, sum), spsi_set(2 * penumbra->end)), some);
     }
 }
 

@@ -2785,6 +2785,13 @@ static inline spsi_v spsi_lobe_phase(float g, spsi_v cosine) {
     return spsi_div(spsi_set((1 - g * g) * (float)(0.25 / SPSI_PI)), spsi_mul(square, spsi_sqrt(square)));
 }
 
+static inline spsi_v spsi_phase(const spsi_material *material, spsi_v cosine) {
+    spsi_v sum = spsi_set(0);
+    SPSI_ROLLED for (int i = 0; i < material->lobe_count; ++i)
+        sum = spsi_fma(spsi_lobe_phase(material->lobes[i].asymmetry, cosine), spsi_set(material->lobes[i].weight), sum);
+    return sum;
+}
+
 static double spsi_phase_moment(const spsi_material *material, int l) {
     double sum = 0;
     SPSI_ROLLED for (int i = 0; i < material->lobe_count; ++i)
@@ -16374,6 +16381,20 @@ static void spsi_spread_find(const spsi_spread *spread, const spsi_v at[3], spsi
     place->row[1] = spsi_add(place->row[0], rows);
 }
 
+/* Lookup coordinates one sheet in front of a point. */
+static void spsi_spread_coordinates(const spsi_spread *spread, const double point[3], spsi_v at[3]) {
+    const spsi_rays *rays = &spread->map.rays[0];
+    const double sheet = spsi_spread_thickness(spread);
+    double from[3], t, nearer;
+    spsi_along(point, rays->origin, -1, from);
+    t = spsi_dot(rays->inverse[2], from);
+    if (spread->map.face_count > 1) t = spsi_dmax(fabs(from[0]), spsi_dmax(fabs(from[1]), fabs(from[2])));
+    nearer = rays->perspective ? spsi_dmax(1 - sheet / spsi_dmax(t, DBL_MIN), 0) : 1;
+    for (int i = 0; i < 3; ++i)
+        at[i] = spsi_set((float)(nearer * (spread->map.face_count > 1 ? from[i] : spsi_dot(rays->inverse[i], from))));
+    if (spread->map.face_count == 1) at[2] = spsi_set((float)(t - sheet - rays->depth_reference));
+}
+
 static spsi_v spsi_spread_lookup(const spsi_spread *spread, const float *values, const spsi_spread_place *place) {
     const spsi_tmap_quads *quads = &place->quads;
     spsi_v sum = spsi_set(0);
@@ -19961,9 +19982,7 @@ static spsi_v spsi_highlight(spsi_v cosine, float exponent) {
 static void spsi_sample_response(const spsi_material *material, const spsi_sample *sample, const spsi_v toward[3],
                                  const spsi_v travel[3], spsi_v response[3]) {
     const spsi_v cosine = spsi_sub(spsi_set(0), spsi_dot_v(travel, toward));
-    spsi_v gas = spsi_set(0);
-    SPSI_ROLLED for (int i = 0; i < material->lobe_count; ++i)
-        gas = spsi_fma(spsi_lobe_phase(material->lobes[i].asymmetry, cosine), spsi_set(material->lobes[i].weight), gas);
+    const spsi_v gas = spsi_phase(material, cosine);
     spsi_v halfway[3], facing, diffuse, shine = spsi_set(0);
     if (!sample->has_normal) {
         for (int c = 0; c < 3; ++c) response[c] = spsi_mul(sample->color[c], gas);
@@ -20990,17 +21009,7 @@ static void spsi_add_spread_on(const spsi_shader *shader, const spsi_shadow *sha
     if (!spsi_normalise(normal) || !spsi_normalise(toward)) return;
     cosine = spsi_dot(normal, toward) / (light->falls_off ? distance * distance : 1);
     if (!(cosine > 0)) return;
-    /* coordinates one sheet in front of the point */
-    const spsi_rays *rays = &spread->map.rays[0];
-    const double sheet = spsi_spread_thickness(spread);
-    double from[3], t, nearer;
-    spsi_along(surface.point, rays->origin, -1, from);
-    t = spsi_dot(rays->inverse[2], from);
-    if (spread->map.face_count > 1) t = spsi_dmax(fabs(from[0]), spsi_dmax(fabs(from[1]), fabs(from[2])));
-    nearer = rays->perspective ? spsi_dmax(1 - sheet / spsi_dmax(t, DBL_MIN), 0) : 1;
-    for (int i = 0; i < 3; ++i)
-        at[i] = spsi_set((float)(nearer * (spread->map.face_count > 1 ? from[i] : spsi_dot(rays->inverse[i], from))));
-    if (spread->map.face_count == 1) at[2] = spsi_set((float)(t - sheet - rays->depth_reference));
+    spsi_spread_coordinates(spread, surface.point, at);
     spsi_spread_find(spread, at, &place);
     for (int c = 0; c < 3; ++c) {
         const size_t own = (size_t)(spsi_imin(c, spread->channels - 1) * (spread->sheet_count + 1)) * spread->plane;
@@ -26723,6 +26732,15 @@ SPSI_COLD spsi_enclosure spsi_step_integral(const spsi_marcher *marcher, const s
     return result;
 }
 
+/* Isotropic light: ambient or emitted. */
+SPSI_COLD void spsi_incoming_plain(spsi_incoming *incoming) {
+    memset(incoming, 0, sizeof *incoming);
+    incoming->passes = incoming->range = spsi_enclosure_of(1, 1);
+    for (int j = 0; j < 3; ++j) incoming->falls[j] = 1;
+    incoming->falloff.term[0] = 1;
+    incoming->smooth = 1;
+}
+
 /* 1 / r^2 as in >>reference. Its series' terms are at most (k + 1) / r^(k + 2), as for 1 / (1 - x)^2. */
 SPSI_COLD void spsi_incoming_fall(const spsi_marcher *marcher, const spsi_step *step, const spsi_light *light,
                                   spsi_incoming *incoming) {
@@ -26883,11 +26901,7 @@ SPSI_COLD void spsi_step_add_light(const spsi_marcher *marcher, const spsi_step 
                                    const spsi_enclosure passes[3], spsi_step_light *sum) {
     double source[3] = {0, 0, 0};
     spsi_incoming incoming;
-    memset(&incoming, 0, sizeof incoming);
-    incoming.passes = incoming.range = spsi_enclosure_of(1, 1);
-    for (int j = 0; j < 3; ++j) incoming.falls[j] = 1;
-    incoming.falloff.term[0] = 1;
-    incoming.smooth = 1;
+    spsi_incoming_plain(&incoming);
     if (light) spsi_incoming_fall(marcher, step, light, &incoming);
     if (light && light->shadows && step->lit)
         spsi_incoming_shade(marcher, step, light, &incoming);

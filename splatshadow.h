@@ -7165,6 +7165,20 @@ typedef struct spsi_surface {
     double pixel;     /* world size */
 } spsi_surface;
 
+/* Intersects the ray with the face's plane: points at float depth could lie behind it, visibly in grazing light. If the
+   ray grazes, projects the rasterised point. */
+static void spsi_surface_place(const spsi_face *face, const double plane[3], const double ray[3],
+                               const double rasterised[3], double point[3]) {
+    const double facing = spsi_dot(plane, ray), grazing = 1e-16; /* squared cosine; below, float depth is better */
+    double offset[3], way;
+    spsi_along(face->position[0], rasterised, -1, offset);
+    way = spsi_dot(plane, offset);
+    if (facing * facing > grazing * spsi_dot(plane, plane) * spsi_dot(ray, ray))
+        spsi_along(rasterised, ray, way / facing, point);
+    else
+        spsi_along(rasterised, plane, way / spsi_dot(plane, plane), point);
+}
+
 /* Points by component. Unused lanes repeat others. */
 typedef struct spsi_points {
     int lanes; /* mask */
@@ -7227,16 +7241,7 @@ static void spsi_surface_at(const spsi_rays *eye, const spsi_faces *faces, const
     spsi_face_plane(face, plane);
     spsi_ray_direction(eye, x, y, ray);
     spsi_ray_point(eye, x, y, (double)hit->depth + eye->depth_reference, rasterised);
-    /* Points at float depth could lie behind the plane, visibly in grazing light. If the ray grazes, they are projected
-       onto it. */
-    const double facing = spsi_dot(plane, ray), grazing = 1e-16; /* squared cosine; below, float depth is better */
-    double offset[3], way;
-    spsi_along(face->position[0], rasterised, -1, offset);
-    way = spsi_dot(plane, offset);
-    if (facing * facing > grazing * spsi_dot(plane, plane) * spsi_dot(ray, ray))
-        spsi_along(rasterised, ray, way / facing, surface->point);
-    else
-        spsi_along(rasterised, plane, way / spsi_dot(plane, plane), surface->point);
+    spsi_surface_place(face, plane, ray, rasterised, surface->point);
     surface->pixel = spsi_pixel_size_at(eye, (double)hit->depth + eye->depth_reference);
     spsi_surface_face(face, hit, plane, ray, surface);
 }

@@ -1400,9 +1400,9 @@ static inline scene_report measure_scene(sps_context *context, random_scene *x, 
     return report;
 }
 
-/* The scene in even light, without particles and classified volumes, whose edges may be as sharp as those of polygons,
-   with samples of the latter. What the renderer takes once per pixel, gas and the light of a triangle, is then nearly
-   what the reference takes at each sample. */
+/* The scene in even light, whole, without particles and classified volumes, whose edges may be as sharp as those of
+   polygons, with samples of the latter. What the renderer takes once per pixel, gas and the light of a triangle, is
+   then nearly what the reference takes at each sample. */
 static inline sps_result measure_edges(sps_context *context, const random_scene *from, int samples, double step,
                                        scene_error *error) {
     static random_scene even;
@@ -1414,7 +1414,12 @@ static inline sps_result measure_edges(sps_context *context, const random_scene 
     even.s.scene.volumes = even.s.volume;
     even.s.scene.light_count = even.s.scene.particle_set_count = even.s.scene.volume_count = 0;
     for (int i = 0; i < from->s.scene.volume_count; ++i)
-        if (!from->s.volume[i].transfer) even.s.volume[even.s.scene.volume_count++] = from->s.volume[i];
+        if (!from->s.volume[i].transfer) {
+            sps_volume *volume = &even.s.volume[even.s.scene.volume_count++];
+            *volume = from->s.volume[i];
+            volume->border = 0;
+            memset(volume->crop, 0, sizeof volume->crop);
+        }
     even.s.view.coverage_samples = samples;
     even.s.view.quality = SPS_QUALITY_MEDIUM;
     check_color(even.s.scene.ambient, 1, 1, 1);

@@ -201,6 +201,7 @@ static void render_pieces(int pieces, int kind, int view, sps_filling filling, s
     set_view(&s, view);
     s.view.filling = filling;
     s.view.scattering = scattering;
+    if (!check_long()) s.view.scattering_resolution = 16;
     check_render(context, &s, rgba);
     sps_destroy(context);
 }

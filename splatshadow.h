@@ -946,8 +946,8 @@ SPS_API const char *sps_error(const sps_context *context);
    SPS_ERROR_ARGUMENT if context is NULL. */
 SPS_API void sps_get_error(const sps_context *context, sps_error_info *info);
 
-/* Reports which passes sps_render would run for this scene and view, and why. Reads particles (and calls progress_fn
-   meanwhile), calls range_fn, but reads no voxels or triangles. Volumes that are not cached count as full boxes, so
+/* Reports which passes sps_render would run for this scene and view, and why. Reads particles and calls range_fn (and
+   progress_fn meanwhile), but reads no voxels or triangles. Volumes that are not cached count as full boxes, so
    UNSUPPORTED (SPS_SHADOW_SHEETS) or too many slabs may occur where sps_render succeeds. `report` is zeroed on failure.
    Errors: ARGUMENT, MEMORY, CALLBACK (range_fn, particles' read_fn), CANCELLED, DATA (particles), UNSUPPORTED. */
 SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
@@ -5615,9 +5615,9 @@ SPSI_COLD int spsi_blocks_corner(const spsi_block_walk *walk, int level, int cor
     return inside;
 }
 
-/* Places the next block. If range_fn fails for a parent, that is the block. Returns 0 at the end. */
-SPSI_COLD int spsi_blocks_next(spsi_block_walk *walk, spsi_block *block) {
-    while (walk->next < walk->end) {
+/* Places the next block. If range_fn fails for a parent, that is the block. Returns 0 at the end, or if cancelled. */
+SPSI_COLD int spsi_blocks_next(sps_context *context, spsi_block_walk *walk, spsi_block *block) {
+    for (; walk->next < walk->end && !context->cancelled; spsi_tick(context, 0)) {
         int level = 0, inside = 1, corner[3];
         for (; level < walk->levels; ++level) {
             if (walk->next % walk->spans[level] != 0) continue; /* known */
@@ -5690,8 +5690,10 @@ SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader,
     int more = 1;
     for (reader->count = 0; more && reader->count < reader->at_once; reader->count += more) {
         const spsi_block *last = reader->count > 0 ? &reader->list[reader->count - 1].block : NULL;
-        more = (!last || last->result == SPS_OK) && spsi_blocks_next(&reader->walk, &reader->list[reader->count].block);
+        more = (!last || last->result == SPS_OK) &&
+               spsi_blocks_next(context, &reader->walk, &reader->list[reader->count].block);
     }
+    if (context->cancelled) return spsi_progress(context, 0);
     for (int i = 0; i < reader->count; ++i) reader->list[i].block.replace = reader->replace;
     for (int i = 0; i < reader->count; ++i) { /* unless concurrent, read here, up to the first failure */
         const double done = (double)(reader->walk.next - reader->count + i) / (double)reader->walk.end;
@@ -25093,8 +25095,9 @@ SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *f
         spsi_block block;
         spsi_block_walk walk;
         spsi_blocks_begin(&frame->media[medium], &frame->matter.materials[frame->media[medium].channel], 1, &walk);
-        while (spsi_blocks_next(&walk, &block)) {
+        while (spsi_blocks_next(context, &walk, &block)) {
             uint64_t bricks = 1, voxels = 1, kept = 1;
+            spsi_tick(context, 0);
             if (block.result == SPS_OK) spsi_block_range(&block);
             context->stats.range_calls += (uint64_t)block.range_calls;
             report->range_calls += (uint64_t)block.range_calls;
@@ -25119,6 +25122,7 @@ SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *f
         }
         context->stats.range_calls += (uint64_t)walk.range_calls;
         report->range_calls += (uint64_t)walk.range_calls;
+        if (spsi_progress(context, 0)) return context->result;
     }
     return SPS_OK;
 }

@@ -597,6 +597,44 @@ static void test_hidden(void) {
     }
 }
 
+static int range_nothing(void *user, const int lo[3], const int size[3], float out_min_max[2]) {
+    (void)lo, (void)size;
+    ++*(long *)user;
+    out_min_max[0] = out_min_max[1] = 0;
+    return 0;
+}
+
+static double clock_of_calls(void *user) { return (double)++*(long *)user; }
+
+/* An empty volume of 2^48 voxels is asked about 2^21 times or more: planning and reading it end when told to. The clock
+   is ahead by a second at each look. */
+static void test_endless(void) {
+    for (int n = 0; n < 2 * 4; ++n) {
+        long asked = 0, looks = 0;
+        watch w = {0, 5, pthread_self(), 0, 0};
+        sps_config config;
+        check_scene s;
+        sps_plan_report plan;
+        memset(&config, 0, sizeof config);
+        config.progress_fn = watch_progress, config.progress_user = &w;
+        config.clock_fn = clock_of_calls, config.clock_user = &looks;
+        sps_context *context = sps_create(&config, NULL);
+        check_clear(&s, 8, 8);
+        sps_volume *volume = check_add_volume(&s, 65536, 65536, 65536, check_box(-1, -1, -1, 1, 1, 1));
+        volume->read_fn = read_some, volume->range_fn = range_nothing, volume->user = &asked;
+        volume->range_levels = n / 2, volume->extinction = 1;
+        float rgba[4 * 8 * 8];
+        sps_image image;
+        memset(&image, 0, sizeof image);
+        image.rgba = rgba;
+        const sps_result result =
+            n % 2 ? sps_render(context, &s.scene, &s.view, &image) : sps_plan(context, &s.scene, &s.view, &plan);
+        if (!CHECK(result == SPS_ERROR_CANCELLED && asked < 200 && w.calls == 5))
+            printf("    %d: result %d, %ld calls\n", n, (int)result, asked);
+        sps_destroy(context);
+    }
+}
+
 int main(void) {
     make_values();
     RUN(test_bits);
@@ -613,5 +651,6 @@ int main(void) {
     RUN(test_failures);
     RUN(test_planned);
     RUN(test_behind_the_last_point);
+    RUN(test_endless);
     return check_report();
 }

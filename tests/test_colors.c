@@ -152,6 +152,31 @@ static void test_mixture(void) {
     check_free_triangles(&ground);
 }
 
+static int color_purple(void *user, const int lo[3], const int size[3], float *albedo, float *emission) {
+    (void)user, (void)lo, (void)emission;
+    for (int i = 0; i < size[0] * size[1] * size[2] && albedo; ++i) check_color(albedo + 3 * i, 0.9, 0, 0.4);
+    return 0;
+}
+
+/* One color of all voxels, without green, is that of a volume. Coarser levels, gathered and splatted. */
+static void test_one_color(void) {
+    static sps_volume volumes[11];
+    check_scene s;
+    sps_volume *first;
+    build_scene(&s);
+    check_orthographic(&s.view.camera, 20);
+    for (int filling = SPS_FILLING_AUTO; filling <= SPS_FILLING_GATHER; ++filling) {
+        s.view.filling = (sps_filling)filling;
+        place_cloud(&s, volumes, 0, &first);
+        first->appearance_fn = color_purple;
+        if (!check_render(context, &s, rgba)) return;
+        first->appearance_fn = NULL;
+        check_color(first->albedo, 0.9, 0, 0.4);
+        if (!check_render(context, &s, exact)) return;
+        CHECK_NEAR(error_of(rgba, exact, PIXELS), 0, 1e-5); /* rounding */
+    }
+}
+
 static void test_cloud_paths(void) {
     static sps_volume volumes[11];
     static const sps_lobe lobes[1] = {{0.6f, 1}};
@@ -202,6 +227,9 @@ static const sps_transfer_point looks[] = {
     {0.62f, {0, 1, 0}, 5, {0, 4, 0}},          {0.63f, {0.2f, 0.5f, 0.9f}, 3, {0, 0, 1}},
     {0.87f, {0.2f, 0.5f, 0.9f}, 3, {0, 0, 1}}, {0.88f, {0.8f, 0.8f, 0.8f}, 6, {0, 0, 0}}};
 
+static sps_transfer_point greys[8];
+static const sps_transfer_point *shown = looks; /* by color_looks */
+
 static int read_looks(void *user, const int lo[3], const int size[3], float *out) {
     const size_t count = (size_t)size[0] * (size_t)size[1] * (size_t)size[2];
     read_labels(user, lo, size, out);
@@ -216,15 +244,15 @@ static int color_looks(void *user, const int lo[3], const int size[3], float *al
     read_labels(user, lo, size, labels);
     for (int i = 0; i < count; ++i) {
         const int n = labels[i] > 0.9f ? 7 : labels[i] > 0.5f ? 5 : 1;
-        if (albedo && labels[i] > 0) memcpy(albedo + 3 * i, looks[n].albedo, sizeof looks[n].albedo);
-        if (emission && labels[i] > 0) memcpy(emission + 3 * i, looks[n].emission, sizeof looks[n].emission);
+        if (albedo && labels[i] > 0) memcpy(albedo + 3 * i, shown[n].albedo, sizeof shown[n].albedo);
+        if (emission && labels[i] > 0) memcpy(emission + 3 * i, shown[n].emission, sizeof shown[n].emission);
     }
     free(labels);
     return 0;
 }
 
 static void test_labels(void) {
-    static const sps_transfer all_looks = {looks, 8, NULL, NULL, 0};
+    static const sps_transfer all_looks = {looks, 8, NULL, NULL, 0}, all_greys = {greys, 8, NULL, NULL, 0};
     sps_transfer_point green[5];
     sps_transfer only_green = {green, 5, NULL, NULL, 0};
     check_scene s;
@@ -232,9 +260,13 @@ static void test_labels(void) {
     check_orthographic(&s.view.camera, 2.2);
     sps_volume *volume = check_add_volume(&s, SIDE, SIDE, SIDE, check_box(-1, -1, -1, 1, 1, 1));
     volume->read_fn = read_labels, volume->transfer = &all_looks, volume->classify_voxels = 1;
-    for (int mode = 0; mode < 2; ++mode) { /* the same extinctions and colors in two ways */
-        s.view.scattering = mode ? SPS_SCATTERING_MULTIPLE : SPS_SCATTERING_SINGLE;
-        volume->read_fn = read_labels, volume->transfer = &all_looks, volume->classify_voxels = 1;
+    memcpy(greys, looks, sizeof greys);
+    for (int i = 0; i < 8; ++i) greys[i].albedo[1] = greys[i].albedo[2] = greys[i].albedo[0];
+    for (int mode = 0; mode < 3; ++mode) { /* the same extinctions and colors in two ways; greys share a channel */
+        s.view.scattering = mode == 1 ? SPS_SCATTERING_MULTIPLE : SPS_SCATTERING_SINGLE;
+        shown = mode == 2 ? greys : looks;
+        volume->read_fn = read_labels, volume->transfer = mode == 2 ? &all_greys : &all_looks;
+        volume->classify_voxels = 1;
         volume->appearance_fn = NULL;
         if (!check_render(context, &s, exact)) return;
         volume->read_fn = read_looks, volume->appearance_fn = color_looks, volume->extinction = 1;
@@ -335,22 +367,27 @@ enum { BALLS = 60, DYES = 4 };
 
 static sps_particle balls[BALLS];
 
-/* One set of balls of several colors, or a set of each color. */
+/* One set of balls of several colors, or a set of each color, or one of the first half and one without albedos of its
+   own for each other color. */
 static void place_balls(check_scene *s, sps_particles *sets, int apart, int soft) {
-    const int count = apart ? DYES : 1;
+    static sps_particle unread[BALLS]; /* albedos that do not count */
+    const int count = apart == 2 ? 1 + DYES / 2 : apart ? DYES : 1;
     memset(sets, 0, DYES * sizeof *sets);
-    for (int n = 0; n < count; ++n) {
-        sets[n].count = BALLS / (size_t)count, sets[n].read_fn = check_read_particles;
-        sets[n].user = balls + n * BALLS / DYES;
-        sets[n].soft = soft, sets[n].has_albedos = !apart;
-        memcpy(sets[n].albedo, balls[n * BALLS / DYES].albedo, sizeof sets[n].albedo);
+    memcpy(unread, balls, sizeof unread);
+    for (int i = 0; i < BALLS; ++i) unread[i].albedo[i % 3] = 1 - unread[i].albedo[i % 3];
+    for (int n = 0, first = 0; n < count; first += (int)sets[n++].count) {
+        sets[n].count = apart == 2 && n == 0 ? BALLS / 2 : apart ? BALLS / DYES : BALLS;
+        sets[n].read_fn = check_read_particles;
+        sets[n].soft = soft, sets[n].has_albedos = !apart || (apart == 2 && n == 0);
+        sets[n].user = (sets[n].has_albedos ? balls : unread) + first;
+        memcpy(sets[n].albedo, balls[first].albedo, sizeof sets[n].albedo);
         for (int c = 0; c < 3; ++c) sets[n].emission[c] = s->view.scattering == SPS_SCATTERING_SINGLE ? 0.1f : 0;
     }
     s->scene.particles = sets, s->scene.particle_set_count = count;
 }
 
 /* The same balls, in one set or in one for each color: sums are linear in extinction, and in it times albedo. Radii of
-   two pixels and more, which the reference's rays resolve. */
+   two pixels and more, which the reference's rays resolve. One has no radius. */
 static void test_particles(void) {
     static sps_particles sets[DYES];
     check_random random = {3};
@@ -363,13 +400,14 @@ static void test_particles(void) {
         balls[i].radius = (float)(0.2 + 0.2 * check_next(&random));
         balls[i].optical_depth = (float)(0.5 * check_next(&random));
     }
+    balls[20].radius = 0;
     for (int n = 0; n < 6; ++n) {
         const int cells = n % 2;
         s.view.scattering = cells ? SPS_SCATTERING_MULTIPLE : SPS_SCATTERING_SINGLE;
         check_orthographic(&s.view.camera, n < 4 ? 2.6 : 20);
         place_balls(&s, sets, 1, n / 2 % 2);
         if (!check_render(context, &s, exact)) return;
-        place_balls(&s, sets, 0, n / 2 % 2);
+        place_balls(&s, sets, n == 4 ? 2 : 0, n / 2 % 2);
         if (!check_render(context, &s, rgba)) return;
         const double error = error_of(rgba, exact, PIXELS);
         if (figures()) printf("particles %d: %g\n", n, error);
@@ -400,6 +438,30 @@ static void test_particles(void) {
     }
     balls[7].albedo[1] = 1.5f;
     check_fails(context, &s, rgba, SPS_ERROR_DATA, "particle[7].albedo is 1.5; red, green and blue must be 0..1");
+}
+
+/* A set has its own color beside one whose particles have theirs, also for the light that it keeps within. */
+static void test_beside(void) {
+    static sps_particles sets[DYES];
+    check_random random = {4};
+    check_scene s;
+    build_scene(&s);
+    check_orthographic(&s.view.camera, 2.6);
+    s.view.width = WIDTH / 2, s.view.height = HEIGHT / 2;
+    s.view.scattering = SPS_SCATTERING_MULTIPLE, s.view.scattering_resolution = 8;
+    for (int i = 0; i < BALLS; ++i) {
+        for (int k = 0; k < 3; ++k) balls[i].position[k] = (float)(2 * check_next(&random) - 1);
+        check_color(balls[i].albedo, i < BALLS / 2 ? 0.9 : 0.1, i < BALLS / 2 ? 0.2 : 0.9, 0.5);
+        balls[i].radius = 0.1f, balls[i].optical_depth = 2;
+    }
+    for (int colored = 0; colored < 2; ++colored) {
+        place_balls(&s, sets, 2, 0);
+        sets->has_albedos = colored;
+        for (int n = 0; n < s.scene.particle_set_count; ++n) check_color(sets[n].emission, 3, 2, 1);
+        if (!check_render(context, &s, colored ? rgba : exact)) return;
+    }
+    if (figures()) printf("beside: %g\n", error_of(rgba, exact, WIDTH / 2 * HEIGHT / 2));
+    CHECK_NEAR(error_of(rgba, exact, WIDTH / 2 * HEIGHT / 2), 0, 1e-5); /* rounding */
 }
 
 /* A context that holds voxels reads them again when colors come, go or change. */
@@ -442,6 +504,12 @@ static int read_even(void *user, const int lo[3], const int size[3], float *out)
     return 0;
 }
 
+static int read_spoilt(void *user, const int lo[3], const int size[3], float *out) {
+    read_even(user, lo, size, out);
+    if (lo[2] <= 3 && lo[2] + size[2] > 3) out[((3 - lo[2]) * size[1] + 2) * size[0] + 1] = -1;
+    return 0;
+}
+
 static void test_errors(void) {
     static const sps_transfer transfer = {looks, 8, NULL, NULL, 0};
     static const struct {
@@ -456,7 +524,7 @@ static void test_errors(void) {
                 {{0, 0, 7}, SPS_ERROR_CALLBACK, "appearance_fn"}};
     check_scene s;
     build_scene(&s);
-    sps_volume *volume = check_add_volume(&s, SIDE, SIDE, SIDE, check_box(-1, -1, -1, 1, 1, 1));
+    sps_volume *volume = check_add_volume(&s, SIDE, 12, 9, check_box(-1, -1, -1, 1, 1, 1));
     volume->read_fn = read_even, volume->appearance_fn = color_wrongly, volume->extinction = 1;
     for (size_t i = 0; i < sizeof rows / sizeof *rows; ++i) {
         wrong_color wrong = rows[i].wrong;
@@ -470,6 +538,11 @@ static void test_errors(void) {
         }
         s.scene.replace_invalid = 0;
     }
+    wrong_color valid = {0.5f, 0, 0}; /* a value is replaced once, though channels read it, too */
+    sps_stats_report stats;
+    volume->read_fn = read_spoilt, volume->user = &valid, s.scene.replace_invalid = 1;
+    if (check_render(context, &s, rgba)) sps_get_stats(context, &stats), CHECK(stats.values_replaced == 1);
+    volume->read_fn = read_even, s.scene.replace_invalid = 0;
     volume->transfer = &transfer;
     check_fails(context, &s, rgba, SPS_ERROR_ARGUMENT, "appearance_fn");
     volume->appearance_fn = NULL, volume->classify_voxels = 1; /* no bounds are known, whatever the colors */
@@ -490,6 +563,7 @@ int main(void) {
     if (!CHECK(context)) return check_report();
     fill_cloud();
     check_run("mixture", test_mixture);
+    check_run("one color", test_one_color);
     check_run("paths", test_cloud_paths);
     check_run("reference", test_reference);
     check_run("labels", test_labels);
@@ -497,6 +571,7 @@ int main(void) {
     check_run("surfaces", test_surfaces);
     check_run("maps", test_maps);
     check_run("particles", test_particles);
+    check_run("beside", test_beside);
     check_run("held", test_held);
     check_run("errors", test_errors);
     sps_destroy(context);

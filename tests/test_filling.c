@@ -1659,6 +1659,29 @@ static void test_bytes(void) {
     }
 }
 
+/* The bound on fields is below twice the use where most voxels have bricks of their own: edges of 11 bricks and more.
+ */
+static void test_bytes_of_dense(void) {
+    static const int side = 12 * SPSI_BRICK;
+    static float one = 1;
+    check_scene s;
+    check_clear(&s, 8, 8);
+    check_perspective(&s.view.camera, 0.5);
+    s.view.filling = SPS_FILLING_GATHER;
+    for (int count = 1; count <= 2; ++count) {
+        sps_context *fresh = check_context(NULL);
+        sps_plan_report plan;
+        sps_volume *volume = check_add_volume(&s, side, side, side, check_box(count - 2, -1, -1, count, 1, 1));
+        volume->read_fn = check_read_constant, volume->user = &one, volume->extinction = 1;
+        CHECK_OK(fresh, sps_plan(fresh, &s.scene, &s.view, &plan));
+        const size_t planned = fresh->planned[SPSI_BUFFER_PYRAMID_VALUES];
+        check_render(fresh, &s, image_a);
+        const size_t used = fresh->buffers[SPSI_BUFFER_PYRAMID_VALUES].size;
+        if (!CHECK(used <= planned && 2 * used > planned)) printf("    %zu of %zu\n", used, planned);
+        sps_destroy(fresh);
+    }
+}
+
 static void test_workers_and_failures(void) {
     check_scene s;
     start_kind(&s, MIXED);
@@ -1742,6 +1765,7 @@ int main(void) {
     RUN(test_held);
     RUN(test_held_table);
     RUN(test_bytes);
+    RUN(test_bytes_of_dense);
     RUN(test_workers_and_failures);
     RUN(test_bad);
     sps_destroy(context);

@@ -264,13 +264,13 @@ static void test_errors(void) {
 int main(void) {
     context = sps_create(NULL, NULL);
     if (!CHECK(context)) return check_report();
-    check_run("box", test_box);
-    check_run("values", test_values);
-    check_run("flame", test_flame);
-    check_run("blocks", test_blocks);
-    check_run("paths", test_paths);
-    check_run("drawn", test_drawn);
-    check_run("errors", test_errors);
+    RUN(test_box);
+    RUN(test_values);
+    RUN(test_flame);
+    RUN(test_blocks);
+    RUN(test_paths);
+    RUN(test_drawn);
+    RUN(test_errors);
     sps_destroy(context);
     return check_report();
 }

@@ -78,6 +78,30 @@ static void test_values(void) {
     CHECK(rgba[MIDDLE] <= 0 && rgba[MIDDLE + 2] <= 0 && rgba[MIDDLE + 3] <= 0);
 }
 
+/* Vectors and single values look up the same: nothing for 0, lines between entries, the last entry beyond it. Entries
+   differ by up to 1, so that floats are off by 2048 * 2^-24 at most in place, and by as much in emission. */
+static void test_table(void) {
+    static spsi_glow_table glow;
+    check_random random = {11};
+    spsi_material material;
+    memset(&material, 0, sizeof material);
+    material.glow = &glow, material.table_scale = 0.5f * SPSI_TABLE_SIZE;
+    for (int i = 0; i <= SPSI_TABLE_SIZE; ++i)
+        for (int c = 0; c < 3; ++c) glow[i][c] = (float)check_next(&random);
+    for (int n = 0; n < 500; ++n) {
+        const float value = n < 4 ? 0.8f * (float)n : (float)(2.2 * check_next(&random));
+        float lanes[SPSI_LANES];
+        double single[4];
+        spsi_v out[3];
+        spsi_classify_emission(&material, spsi_set(value), out);
+        spsi_emission_at_value(&material, (double)value, single);
+        for (int c = 0; c < 3; ++c) {
+            spsi_store(lanes, out[c]);
+            CHECK_NEAR((double)lanes[SPSI_LANES - 1], n == 0 ? 0 : single[c], 2.5e-4);
+        }
+    }
+}
+
 /* --- as gas --- */
 
 static int render(const flames *f, float *out) {
@@ -266,6 +290,7 @@ int main(void) {
     if (!CHECK(context)) return check_report();
     RUN(test_box);
     RUN(test_values);
+    RUN(test_table);
     RUN(test_flame);
     RUN(test_blocks);
     RUN(test_paths);

@@ -30,7 +30,7 @@ STB=${STB:-/usr/include/stb}
 COMPILE=${COMPILE:-gcc -std=c99 -D_POSIX_C_SOURCE=200809L -O2 -march=native}
 JOBS=${JOBS:-2}
 LIMIT=${LIMIT:-2400}
-HANG=${HANG:-60}
+HANG=${HANG:-120}
 CHAPTER=${CHAPTER:-}
 OUT=build/mutants
 INCLUDES="-isystem $STB -Iexamples -Itests"

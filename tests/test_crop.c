@@ -44,8 +44,9 @@ static int eval_any(void *user, size_t count, const double *positions, float *ou
 static const sps_transfer_point even_points[] = {{0.5f, {0.6f, 0.5f, 0.4f}, 2, {4, 2, 1}},
                                                  {1.5f, {0.6f, 0.5f, 0.4f}, 2, {4, 2, 1}}};
 static const sps_transfer even = {even_points, 2, NULL, NULL, 0};
-static const sps_transfer_point steep_points[] = {
-    {0.6f, {0.9f, 0.5f, 0.2f}, 0}, {1, {0.9f, 0.5f, 0.2f}, 1.5f}, {1.7f, {0.2f, 0.5f, 0.9f}, 5}};
+static const sps_transfer_point steep_points[] = {{0.6f, {0.9f, 0.5f, 0.2f}, 0, {0, 0, 0}},
+                                                  {1, {0.9f, 0.5f, 0.2f}, 1.5f, {0, 0, 0}},
+                                                  {1.7f, {0.2f, 0.5f, 0.9f}, 5, {0, 0, 0}}};
 static const sps_transfer steep = {steep_points, 3, NULL, NULL, 0};
 
 static const sps_placement straight = {{-1, -1, -1}, {{2, 0, 0}, {0, 2, 0}, {0, 0, 2}}};
@@ -205,7 +206,6 @@ static void render_pieces(int pieces, int kind, int view, sps_filling filling, s
     set_view(&s, view);
     s.view.filling = filling;
     s.view.scattering = scattering;
-    if (!check_long()) s.view.scattering_resolution = 16;
     check_render(context, &s, rgba);
     sps_destroy(context);
 }

@@ -5477,7 +5477,10 @@ static int spsi_block_replaces(spsi_block *block, int i, float number, const cha
     if (block->replace) return 1;
     block->result = SPS_ERROR_DATA, block->field = field, block->bounds = bounds;
     block->number = (double)number;
-    for (int k = 0; k < 3; i /= block->size[k++]) block->voxel[k] = block->low[k] + i % block->size[k];
+    for (int k = 0; k < 3; ++k) {
+        block->voxel[k] = block->low[k] + i % block->size[k];
+        i /= block->size[k];
+    }
     return 0;
 }
 
@@ -5617,8 +5620,10 @@ SPSI_COLD int spsi_blocks_corner(const spsi_block_walk *walk, int level, int cor
 
 /* Places the next block. If range_fn fails for a parent, that is the block. Returns 0 at the end, or if cancelled. */
 SPSI_COLD int spsi_blocks_next(sps_context *context, spsi_block_walk *walk, spsi_block *block) {
-    for (; walk->next < walk->end && !context->cancelled; spsi_tick(context, 0)) {
+    while (walk->next < walk->end) {
         int level = 0, inside = 1, corner[3];
+        spsi_tick(context, 0);
+        if (context->cancelled) return 0;
         for (; level < walk->levels; ++level) {
             if (walk->next % walk->spans[level] != 0) continue; /* known */
             inside = spsi_blocks_corner(walk, level, corner);
@@ -11671,7 +11676,7 @@ static inline void spsi_sampler_rays_build(const spsi_sampler *t, const spsi_til
     spsi_sampler_line_build(t, tile, x, spsi_add(y, down), &rays->lines[0]);
     if (rays->alternates) spsi_sampler_line_build(t, tile, x, spsi_sub(y, down), &rays->lines[1]);
     if (t->cropped) {
-        /* Leaves out samples beyond the crop, except those that shape its outermost steps. */
+        /* Beyond the crop, only samples within 1.5 steps of a face matter: parabolas through them are cut there. */
         const spsi_sampler_line *other = &rays->lines[rays->alternates];
         const spsi_v low = spsi_sub(spsi_min(rays->lines[0].crop[0], other->crop[0]), spsi_set(1.5f));
         const spsi_v high = spsi_add(spsi_max(rays->lines[0].crop[1], other->crop[1]), spsi_set(1.5f));
@@ -12962,7 +12967,6 @@ static int spsi_target_follow(spsi_target *target, int i) {
     if (!spsi_gathers(target->verdicts[i])) return 1;
     spsi_sampler *sampler = &target->samplers[i];
     const spsi_pyramid_level *from = sampler->field;
-    sampler->finest = fields->levels[i];
     sampler->field = &fields->levels[i][sampler->level];
     for (int k = 0; k < 3; ++k) { /* coordinates count from the first brick */
         const int shift = SPSI_BRICK * (from->low[k] - sampler->field->low[k]);
@@ -25097,7 +25101,6 @@ SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *f
         spsi_blocks_begin(&frame->media[medium], &frame->matter.materials[frame->media[medium].channel], 1, &walk);
         while (spsi_blocks_next(context, &walk, &block)) {
             uint64_t bricks = 1, voxels = 1, kept = 1;
-            spsi_tick(context, 0);
             if (block.result == SPS_OK) spsi_block_range(&block);
             context->stats.range_calls += (uint64_t)block.range_calls;
             report->range_calls += (uint64_t)block.range_calls;

@@ -599,9 +599,8 @@ static void test_hidden(void) {
 
 static int range_nothing(void *user, const int lo[3], const int size[3], float out_min_max[2]) {
     (void)lo, (void)size;
-    ++*(long *)user;
     out_min_max[0] = out_min_max[1] = 0;
-    return 0;
+    return ++*(long *)user > 1000; /* enough: nothing ends this */
 }
 
 /* An empty volume of 2^48 voxels is asked about 2^21 times or more: planning and reading it end when told to. */

@@ -4241,6 +4241,12 @@ SPSI_COLD void spsi_bounds_join(spsi_bounds *bounds, const spsi_bounds *other) {
     }
 }
 
+SPSI_COLD int spsi_bounds_meet(const spsi_bounds *a, const spsi_bounds *b) {
+    int meet = 1;
+    for (int k = 0; k < 3; ++k) meet &= a->low[k] <= b->high[k] && b->low[k] <= a->high[k];
+    return meet;
+}
+
 SPSI_COLD void spsi_bounds_corner(const spsi_bounds *bounds, int corner, double point[3]) {
     for (int i = 0; i < 3; ++i) point[i] = corner >> i & 1 ? bounds->high[i] : bounds->low[i];
 }
@@ -18736,7 +18742,7 @@ static void spsi_particles_fly(const spsi_frame *frame) {
 }
 
 /* Fraction of a volume's emission that first flights always carry. It rises to 1 at optical depth 0.5, and falls to 0
-   between widths of 6 and 12 cells. */
+   between widths of 6 and 12 cells. Bricks (border > 0) that touch are as wide as their union. */
 static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, double edge) {
     const spsi_brick *b = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     float top[SPSI_VOLUMES_MAX] = {0};
@@ -18750,7 +18756,13 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
     }
     for (int i = 0; i < frame->medium_count && spsi_cells_fly(frame); ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
-        const double width = spsi_bounds_longest(&bounds[i]);
+        spsi_bounds all = bounds[i];
+        for (int n = 0; n < frame->medium_count * frame->medium_count; ++n) { /* chains in any order */
+            const int other = n % frame->medium_count;
+            const int brick = frame->media[i].given.border > 0 && frame->media[other].given.border > 0;
+            if (brick && spsi_bounds_meet(&all, &bounds[other])) spsi_bounds_join(&all, &bounds[other]);
+        }
+        const double width = spsi_bounds_longest(&all);
         const double dense = spsi_dmin(2 * width * (double)top[i] * (double)material->extinction, 1);
         if (top[i] > 0 && material->emits && !spsi_material_varies(material))
             frame->content->flies[frame->media[i].channel] =

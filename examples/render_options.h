@@ -433,7 +433,7 @@ static const option_rule options[] = {
     {"--range", "LOW,HIGH", "numbers in the file that become the values 0 and 1; what lies beyond counts as these", set_range, OF_VOLUME(range), 2, -LARGEST, LARGEST, NULL},
     {"--box", "x0,y0,z0,x1,y1,z1", "two opposite corners in the world; default: the header's, or 0,0,0,1,1,1", set_reals, OF_VOLUME(box), 6, COORDINATES},
     {"--crop", "i0,j0,k0,i1,j1,k1", "faces between voxels that cut the volume; default: all of it", set_integers, OF_VOLUME(crop), 6, 0, 65536, NULL},
-    {"--grid", "NAME", "of a .vdb or .nvdb file; default: density, or else the first that can be read", set_text, OF_VOLUME(grid_name), NO_NUMBERS},
+    {"--grid", "NAME", "of a .vdb or .nvdb file, default density, else the first that can be read; or of an .npz", set_text, OF_VOLUME(grid_name), NO_NUMBERS},
     {"--fog", NULL, "reads a level set of such a file: 1 inside, 0 outside, linear across its band", set_flag, OF_VOLUME(fog), NO_NUMBERS},
     {"--extinction", "S", "per world unit at value 1; default 1; not with --transfer", set_reals, OF_VOLUME(extinction), 1, POSITIVE},
     {"--albedo", "r,g,b", "default 0.8,0.8,0.8; not with --transfer", set_reals, OF_VOLUME(albedo), 3, 0, 1, NULL},
@@ -760,8 +760,9 @@ static int ends_with(const char *text, const char *ending) {
 /* Options for such files say nothing about others; nor can options replace what such a file says itself. */
 static int check_sparse(const volume_arguments *volume, int is_sparse, ex_error *error) {
     static const char *const own[] = {"--grid", "--fog"}, *const others[] = {"--size", "--type"};
+    const int from = ends_with(volume->file, ".npz"); /* its arrays have names, too */
     for (int i = 0; i < 2; ++i) {
-        if (!is_sparse && has(volume->given, own[i]))
+        if (!is_sparse && i >= from && has(volume->given, own[i]))
             return ex_fail(error, "%s says nothing about %s, which is not an OpenVDB or NanoVDB file", own[i],
                            volume->file);
         if (is_sparse && has(volume->given, others[i]))
@@ -812,7 +813,7 @@ static int find_voxels(volume_arguments *volume, ex_error *error) {
         if (has(volume->given, "--box")) place_by_box(volume);
         return 0;
     }
-    if (has_header ? ex_volume_file_read(&file, volume->file, error)
+    if (has_header ? ex_volume_file_read_array(&file, volume->file, volume->grid_name, error)
                    : ex_voxel_file_raw(voxels, volume->file, volume->size, (ex_type)volume->type, error))
         return 1;
     if (has(volume->given, "--size")) memcpy(voxels->size, volume->size, sizeof voxels->size);

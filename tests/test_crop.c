@@ -195,7 +195,7 @@ static void set_view(check_scene *s, int view) {
     if (view == 3) s->view.tolerance = 0.02f;
 }
 
-static void render_pieces(int pieces, int kind, int view, sps_filling filling, sps_scattering scattering, float *rgba) {
+static void render_pieces(int pieces, int kind, int view, sps_filling filling, int resolution, float *rgba) {
     sps_context *context = check_context(NULL);
     check_scene s;
     source unused;
@@ -205,7 +205,8 @@ static void render_pieces(int pieces, int kind, int view, sps_filling filling, s
     set_pieces(&s, pieces, kind, B + 10, view % 2 ? &turned : &straight);
     set_view(&s, view);
     s.view.filling = filling;
-    s.view.scattering = scattering;
+    s.view.scattering = resolution > 0 ? SPS_SCATTERING_MULTIPLE : SPS_SCATTERING_SINGLE;
+    s.view.scattering_resolution = resolution;
     check_render(context, &s, rgba);
     sps_destroy(context);
 }
@@ -217,15 +218,15 @@ static void render_pieces(int pieces, int kind, int view, sps_filling filling, s
    With a tolerance, the patches that are interpolated differ. */
 static void test_pieces(void) {
     static float whole[4 * SIDE * SIDE], pieces[4 * SIDE * SIDE];
-    for (int n = 0; n < KINDS * VIEWS * 3; ++n) {
+    for (int n = 0; n < KINDS * VIEWS * 4; ++n) {
         const int kind = n % KINDS, view = n / KINDS % VIEWS, way = n / KINDS / VIEWS;
         const sps_filling filling = way == 1 ? SPS_FILLING_SPLAT : SPS_FILLING_GATHER;
-        const sps_scattering scattering = way == 2 ? SPS_SCATTERING_MULTIPLE : SPS_SCATTERING_SINGLE;
-        if (way == 2 && view != 1) continue;
-        if (!check_long() && (kind + view + way) % 2) continue;
+        const int resolution = way < 2 ? 0 : way == 2 ? 28 : 12; /* cells narrower and wider than voxels */
+        if (way >= 2 && view != 1) continue;
+        if (!check_long() && (kind + view + (way == 1)) % 2) continue;
         memset(whole, 0, sizeof whole), memset(pieces, 0, sizeof pieces);
-        render_pieces(1, kind, view, filling, scattering, whole);
-        render_pieces(8, kind, view, filling, scattering, pieces);
+        render_pieces(1, kind, view, filling, resolution, whole);
+        render_pieces(8, kind, view, filling, resolution, pieces);
         const double largest = check_largest(whole, pieces, 4 * SIDE * SIDE);
         const double rms = check_rms(whole, pieces, 4 * SIDE * SIDE);
         const int patches = view == 3 && kind < 2 && way == 0;

@@ -1230,7 +1230,7 @@ static void test_wrong_zip(void) {
     }
     const zip_member three[3] = {{"a.npy", plain.data, plain.count, 8}, {"b.npy", "no array", 8, 0}, {"c", "", 0, 0}};
     file.count = zip_all(three, 3, file.data, FILE_MAX);
-    check_zip(file.data, file.count, "only one array is read, but there are 2: a b");
+    check_zip(file.data, file.count, "say which of its 2 arrays to read: a b");
     snprintf(path, sizeof path, "%s/w.npz", folder);
     CHECK(ex_volume_file_read_array(&header, path, "c", &error) != 0 &&
           strstr(error.text, "'c' is not in it; there are a b"));
@@ -1249,15 +1249,21 @@ static void test_wrong_zip(void) {
 
 /* One scan, raw with everything in options, and with a header: the same bits. */
 static void test_pictures(void) {
-    static const char *const ways[] = {
-        "--volume a.nrrd ", "--volume a.nhdr ",   "--volume a.mha ", "--volume a.mhd ",
-        "--volume a.nii ",  "--volume a.npy ",    "--volume d.npy ", "--size 3,4,5 --volume wrong.mhd ",
-        "--volume b.nrrd ", "--volume a.nii.gz ", "--volume b.mhd ", "--volume b.hdr ",
-        "--volume b.npz "};
+    static const char *const ways[] = {"--volume a.nrrd ", "--volume a.nhdr ",
+                                       "--volume a.mha ",  "--volume a.mhd ",
+                                       "--volume a.nii ",  "--volume a.npy ",
+                                       "--volume d.npy ",  "--size 3,4,5 --volume wrong.mhd ",
+                                       "--volume b.nrrd ", "--volume a.nii.gz ",
+                                       "--volume b.mhd ",  "--volume b.hdr ",
+                                       "--volume b.npz ",  "--volume two.npz --grid density "};
     static char raw[FILE_MAX], other[FILE_MAX];
+    static unsigned char packed[FILE_MAX];
     static bytes file;
     char options[500];
     for (int which = 0; which < FORMAT_COUNT; ++which) write_format(&file, (format)which, EX_U16, 0);
+    write_npy(&file, EX_U16, 0, 1, 0);
+    const zip_member arrays[2] = {{"other.npy", "no array", 8, 0}, {"density.npy", file.data, file.count, 8}};
+    write_file("two.npz", packed, zip_all(arrays, 2, packed, sizeof packed));
     write_text("wrong.mhd", "NDims = 3\nDimSize = 9 9 9\nElementType = MET_USHORT\nElementDataFile = a.raw\n");
     snprintf(options, sizeof options, "--volume a.raw --size 3,4,5 --type u16 --box 0,0,0,2,1,3 " LOOK "--pfm raw.pfm");
     CHECK(run_render(options).status == 0);

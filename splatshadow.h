@@ -4161,16 +4161,14 @@ typedef struct spsi_pyramid_level {
     float *values;        /* planes */
     uint32_t (
         *cells[SPSI_PYRAMID_REACHES])[2]; /* per brick: mask of 2^3-voxel cells to sample; unclassified: one reach */
-    float *bends; /* per brick octant: bound on third derivatives in it and the next octants */
+    float *bends; /* per brick octant: bound on third derivatives in it and the next octants; NULL: not yet found */
 } spsi_pyramid_level;
 
 typedef struct spsi_pyramid {
     int taps;                                /* 4 or 6 per axis */
-    int filled;
     float weights[SPSI_SAMPLER_STEPS + 1][8];  /* indexed by position; 0 beyond taps */
     float changes[SPSI_SAMPLER_STEPS + 1][8];  /* derivatives per voxel */
-    int leveled;                             /* number of coarser levels filled */
-    int bent;                                /* 1: `bends` is set */
+    int leveled;                             /* number of levels filled */
     spsi_pyramid_level levels[SPSI_VOLUMES_MAX][SPSI_LEVELS + 1]; /* per medium; 0: finest */
 } spsi_pyramid;
 
@@ -5431,11 +5429,8 @@ static void spsi_block_range(spsi_block *block) {
     block->range_calls += 1;
     if (spsi_block_called(block, "range_fn", volume->range_fn(volume->user, block->low, block->size, range))) return;
     if (!(range[0] <= range[1]) || !(range[1] <= SPSI_VALUE_MAX)) return; /* reading will report it */
-    if (block->material->table || block->medium->classifier)
-        block->empty = !spsi_transfer_shows(block->medium->classifier ? block->medium->classifier : block->material,
-                                            range[1]);
-    else
-        block->empty = range[1] < SPSI_VALUE_MIN;
+    const spsi_material *material = block->medium->classifier ? block->medium->classifier : block->material;
+    block->empty = material->table ? !spsi_transfer_shows(material, range[1]) : range[1] < SPSI_VALUE_MIN;
 }
 
 static void spsi_block_evaluate(spsi_voxels *voxels) {
@@ -5858,12 +5853,11 @@ SPSI_COLD sps_result spsi_block_add_bricks(sps_context *context, spsi_voxels *vo
     voxels->first_brick = context->brick_count;
     for (int i = 0; i < SPSI_BLOCK_BRICKS; ++i) {
         const int count = voxels->brick_voxels[i], number = context->brick_count;
-        spsi_brick *bricks;
         if (count == 0) continue;
         spsi_segment *segment = spsi_segment_with_room(context, current);
         if (!segment) return context->result;
-        bricks = (spsi_brick *)spsi_buffer_extend(context, &context->buffers[SPSI_BUFFER_BRICKS], (size_t)number,
-                                                  (size_t)number + 1, sizeof(spsi_brick));
+        spsi_brick *bricks = (spsi_brick *)spsi_buffer_extend(context, &context->buffers[SPSI_BUFFER_BRICKS],
+                                                              (size_t)number, (size_t)number + 1, sizeof(spsi_brick));
         if (!bricks) return context->result;
         bricks[number].lattice = lattice;
         spsi_block_brick(&voxels->block, i, bricks[number].base);
@@ -6048,7 +6042,6 @@ SPSI_COLD sps_result spsi_gather(sps_context *context, const spsi_frame *frame) 
 /* Returns a particle's invalid field, its rule and value; NULL if valid. */
 SPSI_COLD const char *spsi_particle_wrong(const sps_particle *particle, int has_albedos, const char **rule,
                                           double *value) {
-    const float *bad;
     for (int i = 0; i < 3; ++i) {
         *value = (double)particle->position[i];
         *rule = "it must be within 1e15";
@@ -6060,7 +6053,7 @@ SPSI_COLD const char *spsi_particle_wrong(const sps_particle *particle, int has_
     *value = (double)particle->optical_depth;
     *rule = "it must be 0..1e18";
     if (!(*value >= 0 && particle->optical_depth <= SPSI_VALUE_MAX)) return "optical_depth";
-    bad = has_albedos ? spsi_bad_color(particle->albedo, 1) : NULL;
+    const float *bad = has_albedos ? spsi_bad_color(particle->albedo, 1) : NULL;
     *rule = "red, green and blue must be 0..1";
     if (bad) *value = (double)*bad;
     return bad ? "albedo" : NULL;
@@ -6824,11 +6817,10 @@ SPSI_COLD sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *fr
     for (size_t first = 0; first < mesh->given.triangle_count; first += SPSI_TRIANGLE_BATCH) {
         const size_t left = mesh->given.triangle_count - first,
                      count = left < SPSI_TRIANGLE_BATCH ? left : SPSI_TRIANGLE_BATCH;
-        int failed;
         if (first % SPSI_TICK_TRIANGLES == 0 && spsi_progress(context, 0)) return context->result;
         memset(triangles, 0, count * sizeof(sps_triangle));
         context->stats.triangle_calls += 1;
-        failed = mesh->given.read_fn(mesh->given.user, first, count, triangles);
+        const int failed = mesh->given.read_fn(mesh->given.user, first, count, triangles);
         if (failed == 3 && mesh->given.read_fn == sps_indexed_mesh_read)
             return spsi_fail_that(context, SPS_ERROR_CALLBACK, SPS_OBJECT_MESH, mesh->index, "read_fn", failed,
                                   "failed: it returned 3, since an index is not below vertex_count");
@@ -7981,11 +7973,10 @@ SPSI_COLD sps_result spsi_textures(sps_context *context, const spsi_frame *frame
                                    spsi_visible *visible) {
     const int *region = frame->view.region;
     const size_t places = (size_t)region[2] * (size_t)region[3] + visible->layers.count;
-    spsi_surface_batch *batch;
     visible->set = NULL;
     if (frame->meshes.textured_count == 0 || faces->count == 0) return SPS_OK;
     sps_surface *out = SPSI_RESERVE(context, SPSI_BUFFER_SURFACES, places, sps_surface);
-    batch = SPSI_RESERVE(context, SPSI_BUFFER_SURFACE_BATCH, 1, spsi_surface_batch);
+    spsi_surface_batch *batch = SPSI_RESERVE(context, SPSI_BUFFER_SURFACE_BATCH, 1, spsi_surface_batch);
     if (!out || !batch) return context->result;
     for (size_t i = 0; i < places; ++i) out[i].albedo[0] = -1; /* nothing set */
     batch->frame = frame;
@@ -10918,9 +10909,9 @@ static inline void spsi_splat_sphere_at(const spsi_sphere_footprint *print, int 
     const spsi_sphere *sphere = &print->projected->sphere;
     const spsi_v zero = spsi_set(0);
     spsi_chord chord;
-    spsi_m inside;
     spsi_sphere_chord(print->crossing->rays, sphere, x, y, &chord);
-    inside = spsi_and(spsi_less(zero, chord.share), spsi_less(spsi_iota(), spsi_set((float)(print->x1 - x) + 0.5f)));
+    const spsi_m here = spsi_less(spsi_iota(), spsi_set((float)(print->x1 - x) + 0.5f));
+    const spsi_m inside = spsi_and(spsi_less(zero, chord.share), here);
     if (!spsi_bits(inside)) return;
     spsi_footprint_planes(print, &chord, x, y, clamped, sections);
     spsi_v weight = spsi_mul(spsi_mul(chord.half, spsi_set(2)), spsi_set(print->projected->weight));
@@ -11901,13 +11892,12 @@ static void spsi_sampler_row(const spsi_sampler *t, spsi_tile *tile, int x, int 
         if (tile->clamped && !t->whole) {
             const spsi_v steps = spsi_set((float)t->steps), last = spsi_set((float)tile->slab_count);
             const spsi_v slope = spsi_div(spsi_set(1), rays.per_slab);
-            spsi_v begin, end, low, high; /* slab coordinates; sample indices */
             rays.nearest = spsi_set(t->near_d);
             rays.limit = spsi_hit_depths(tile->limits, tile->limit_width, tile->limit_height, x, y);
-            begin = spsi_fma(slope, rays.nearest, rays.base);
-            end = spsi_fma(slope, rays.limit, rays.base);
-            low = spsi_mul(spsi_floor(spsi_clamp(spsi_min(begin, end), spsi_set(0), last)), steps);
-            high = spsi_mul(spsi_floor(spsi_clamp(spsi_max(begin, end), spsi_set(-1), last)), steps);
+            const spsi_v begin = spsi_fma(slope, rays.nearest, rays.base);
+            const spsi_v end = spsi_fma(slope, rays.limit, rays.base); /* slab coordinates; then sample indices */
+            const spsi_v low = spsi_mul(spsi_floor(spsi_clamp(spsi_min(begin, end), spsi_set(0), last)), steps);
+            const spsi_v high = spsi_mul(spsi_floor(spsi_clamp(spsi_max(begin, end), spsi_set(-1), last)), steps);
             SPSI_ROLLED for (int n = 0; n <= rays.alternates; ++n) {
                 spsi_sampler_line *line = &rays.lines[n];
                 line->first = spsi_max(line->first, spsi_sub(low, spsi_set(1)));
@@ -12156,11 +12146,6 @@ static void spsi_sampler_patch_add(const spsi_sampler *t, spsi_tile *tile, const
     spsi_sampler_patch_spread(tile, patch, sums, sheets);
 }
 
-/* Samples per slab for a path of `way` voxels. */
-static int spsi_sampler_steps(const spsi_sampler *t, float way) {
-    const float steps = ceilf(spsi_fmin(way / (float)spsi_sampler_step(t->fields), spsi_sampler_most(t)));
-    return t->lone ? 1 : spsi_imax(1, (int)steps);
-}
 
 SPSI_COLD void spsi_sampler_build(const spsi_pyramid *fields, const spsi_lattice *lattice, const spsi_rays *rays,
                                   const spsi_slabs *slabs, int level, int count, spsi_sampler *sampler) {
@@ -12595,8 +12580,7 @@ SPSI_COLD sps_result spsi_pyramids_place(sps_context *context, const spsi_frame 
     frame->content->fields = fields;
     if (context->pyramids_cached == spsi_pyramids_wanted(frame)) return SPS_OK;
     context->pyramids_cached = 0;
-    fields->filled = fields->leveled = 0;
-    fields->bent = 0;
+    fields->leveled = 0;
     spsi_pyramids_weigh(fields, taps);
     int *memory = SPSI_RESERVE(context, SPSI_BUFFER_PYRAMID_GRIDS, spsi_pyramids_begin(context, frame, fields), int);
     if (!memory) return context->result;
@@ -12680,18 +12664,14 @@ SPSI_COLD sps_result spsi_levels_store(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-SPSI_COLD sps_result spsi_pyramids_fill(sps_context *context, const spsi_frame *frame) {
-    spsi_pyramid *fields = frame->content->fields;
-    if (!fields->filled && spsi_levels_store(context, frame, 0, 0)) return context->result;
-    fields->filled = 1;
-    return SPS_OK;
-}
-
+/* Fills the finest level and `levels` coarser ones. */
 SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame, int levels) {
     spsi_pyramid *fields = frame->content->fields;
     size_t ints = 0;
-    if (fields->leveled >= levels) return SPS_OK;
-    fields->leveled = 0;
+    if (fields->leveled > levels) return SPS_OK;
+    if (fields->leveled == 0 && spsi_levels_store(context, frame, 0, 0)) return context->result;
+    fields->leveled = 1;
+    if (levels == 0) return SPS_OK;
     for (int m = 0; m < frame->medium_count; ++m)
         for (int n = 1; n <= spsi_levels_cached(frame, m, levels); ++n)
             ints += spsi_pyramid_cells(&fields->levels[m][n]) * spsi_pyramid_ints(frame, m);
@@ -12704,7 +12684,7 @@ SPSI_COLD sps_result spsi_levels_fill(sps_context *context, const spsi_frame *fr
             spsi_level_number(level - 1, level);
         }
     if (spsi_levels_store(context, frame, 1, levels)) return context->result;
-    fields->leveled = levels;
+    fields->leveled = 1 + levels;
     return SPS_OK;
 }
 
@@ -12734,7 +12714,7 @@ SPSI_COLD void spsi_thirds_task(void *data, int held) {
 SPSI_COLD sps_result spsi_pyramids_thirds(sps_context *context, const spsi_frame *frame) {
     spsi_pyramid *fields = frame->content->fields;
     size_t cells = 0;
-    if (fields->bent) return SPS_OK;
+    if (fields->levels[0]->bends) return SPS_OK;
     for (int m = 0; m < frame->medium_count; ++m) cells += spsi_pyramid_cells(fields->levels[m]);
     float *bends = (float *)spsi_reserve(context, SPSI_BUFFER_THIRDS, cells, 8 * sizeof(float));
     if (!bends) return context->result;
@@ -12753,7 +12733,6 @@ SPSI_COLD sps_result spsi_pyramids_thirds(sps_context *context, const spsi_frame
                 if (i % line < line - step) field->bends[i] = spsi_fmax(field->bends[i], field->bends[i + step]);
         }
     }
-    fields->bent = 1;
     return SPS_OK;
 }
 
@@ -13214,9 +13193,8 @@ SPSI_COLD sps_result spsi_contents_pyramids(const spsi_contents *contents) {
             interpolates |= spsi_target_interpolates(contents->targets[n], i);
             level = spsi_imax(level, sampler->level + (sampler->mix > 0));
         }
-    if (gathers && spsi_pyramids_fill(context, contents->frame)) return context->result;
+    if (gathers && spsi_levels_fill(context, contents->frame, level)) return context->result;
     if (interpolates && spsi_pyramids_thirds(context, contents->frame)) return context->result;
-    if (level > 0 && spsi_levels_fill(context, contents->frame, level)) return context->result;
     context->pace.seconds_pyramids += spsi_clock(context) - start;
     return SPS_OK;
 }
@@ -13491,7 +13469,7 @@ static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t pa
     here.scale *= here.mix / (float)here.rays;
     spsi_tile_touch(fill);
     float *channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
-    float way = 0;
+    float way = 0; /* voxels per slab */
     for (int corner = 0; corner < 4; ++corner) {
         const float x = (float)(corner & 1 ? tile->x1 : tile->x0), y = (float)(corner & 2 ? tile->y1 : tile->y0);
         float square = 0;
@@ -13503,7 +13481,8 @@ static void spsi_tile_gather_level(spsi_tile_fill *fill, int medium, uint64_t pa
     }
     here.cells = (const uint32_t(*)[2])here.field->cells[spsi_reach_wanted(target, medium, way)];
     SPSI_ROLLED for (int slab = 0; slab < tile->slab_count; ++slab) rest[slab] = patches;
-    here.steps = spsi_sampler_steps(&here, way);
+    const float steps = ceilf(spsi_fmin(way / (float)spsi_sampler_step(here.fields), spsi_sampler_most(&here)));
+    here.steps = here.lone ? 1 : spsi_imax(1, (int)steps);
     if (spsi_target_interpolates(target, medium) && here.level <= 1)
         spsi_tile_interpolate(fill, &here, medium, channel, rest);
     spsi_tile_follow(&here, tile, rest, channel);
@@ -13820,13 +13799,12 @@ typedef struct spsi_tmap_data {
 /* A light's shadow table: optical depth at evenly spaced planes, packed in adjacent pairs. */
 typedef struct spsi_shadow_table {
     int light;          /* light index */
-    int is_made;        /* 1: complete */
     int waits;          /* 1: made for the cells, reserved for a sweep */
     int planes;
     float end;          /* maximum optical depth */
     spsi_light_grid grid;
     uint64_t key, gas;  /* fingerprints of its input, and of the gas alone; 0: not cached */
-    spsi_buffer pairs;
+    spsi_buffer pairs;  /* no data: not yet filled */
 } spsi_shadow_table;
 
 struct sps_tmap {
@@ -14293,15 +14271,6 @@ static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sph
     spsi_insert(into, x, y, &intervals);
 }
 
-static uint32_t spsi_tile_sphere_count(const spsi_occluders *occluders, int tile) {
-    if (!occluders->spheres) return 0;
-    if (occluders->tile_spheres) return occluders->tile_starts[tile + 1] - occluders->tile_starts[tile];
-    return (uint32_t)occluders->frame->content->particle_count;
-}
-
-static uint32_t spsi_tile_sphere(const spsi_occluders *occluders, int tile, uint32_t i) {
-    return occluders->tile_spheres ? occluders->tile_spheres[occluders->tile_starts[tile] + i] : i;
-}
 
 /* --- triangles --- */
 
@@ -14357,8 +14326,11 @@ static void spsi_fill_task(void *data, int index) {
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
     spsi_map_tile_clear(&into);
-    for (uint32_t i = 0; i < spsi_tile_sphere_count(occluders, tile); ++i) {
-        const spsi_sphere *sphere = &occluders->spheres[spsi_tile_sphere(occluders, tile, i)];
+    const uint32_t *own = occluders->tile_spheres ? occluders->tile_spheres + occluders->tile_starts[tile] : NULL;
+    const uint32_t count = own ? occluders->tile_starts[tile + 1] - occluders->tile_starts[tile]
+                               : (uint32_t)occluders->frame->content->particle_count;
+    for (uint32_t i = 0; i < count; ++i) {
+        const spsi_sphere *sphere = &occluders->spheres[own ? own[i] : i];
         const int x0 = spsi_imax(sphere->x0, into.x0), x1 = spsi_imin(sphere->x1, into.x0 + into.width - 1);
         const int y0 = spsi_imax(sphere->y0, into.y0), y1 = spsi_imin(sphere->y1, into.y0 + into.height - 1);
         for (int y = y0; y <= y1; ++y)
@@ -14789,32 +14761,24 @@ SPSI_COLD sps_result spsi_map_volumes_build(sps_context *context, const spsi_occ
 
 /* --- fingerprints of a table's input --- */
 
-/* Hash of all that determines a voxel's optical depth except its value. */
-static uint64_t spsi_medium_fingerprint(const spsi_frame *frame, int i) {
-    const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
-    uint64_t hash = SPSI_FINGERPRINT_START;
-    hash = spsi_fingerprint(hash, frame->lattices[i].step, sizeof frame->lattices[i].step);
-    hash = spsi_fingerprint(hash, frame->lattices[i].corner, sizeof frame->lattices[i].corner);
-    hash = spsi_fingerprint(hash, &material->extinction, sizeof material->extinction);
-    hash = spsi_fingerprint(hash, &material->table_scale, sizeof material->table_scale);
-    if (material->table) hash = spsi_fingerprint(hash, material->table->entry, sizeof material->table->entry);
-    return hash;
-}
 
-static uint64_t spsi_set_fingerprint(uint64_t hash, const spsi_particle_set *set) {
-    hash = spsi_fingerprint(hash, &set->soft, sizeof set->soft);
-    return spsi_fingerprint(hash, &set->given.is_extinction, sizeof set->given.is_extinction);
-}
 
 /* Hash of a map's gas; 0 if a volume has no revision. */
 static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_volumes_fingerprint(frame);
-    for (int i = 0; i < frame->medium_count && hash; ++i)
-        hash = spsi_fingerprint_word(hash, spsi_medium_fingerprint(frame, i));
+    for (int i = 0; i < frame->medium_count && hash; ++i) {
+        const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
+        hash = spsi_fingerprint(hash, frame->lattices[i].step, sizeof frame->lattices[i].step);
+        hash = spsi_fingerprint(hash, frame->lattices[i].corner, sizeof frame->lattices[i].corner);
+        hash = spsi_fingerprint(hash, &material->extinction, sizeof material->extinction);
+        hash = spsi_fingerprint(hash, &material->table_scale, sizeof material->table_scale);
+        if (material->table) hash = spsi_fingerprint(hash, material->table->entry, sizeof material->table->entry);
+    }
     if (hash) hash = spsi_fingerprint(hash, frame->content->levels, sizeof frame->content->levels);
     for (int i = 0; i < frame->particles.set_count && hash; ++i) {
-        hash = spsi_set_fingerprint(hash, &frame->particles.sets[i]);
-        hash = spsi_fingerprint(hash, &frame->content->set_ends[i], sizeof(int));
+        const spsi_particle_set *set = &frame->particles.sets[i];
+        const int shape[] = {set->soft, set->given.is_extinction, frame->content->set_ends[i]};
+        hash = spsi_fingerprint(hash, shape, sizeof shape);
     }
     if (hash && frame->content->particle_count > 0)
         hash = spsi_fingerprint(hash, frame->content->particles,
@@ -15106,25 +15070,23 @@ SPSI_COLD int spsi_voxels_outside(const sps_tmap *map, const spsi_bounds *bounds
 
 /* Reports gas beyond the depth range (added at its ends). */
 SPSI_COLD void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *frame) {
-    const sps_context *context = map->context;
-    const double particles = (double)context->stats.particles_outside;
+    const double particles = (double)map->context->stats.particles_outside;
     const int voxels = frame->medium_count > 0 && spsi_voxels_outside(map, &frame->content->bounds);
     char counted[40] = "", text[160];
-    if (!context->config.message_fn || (!(particles > 0) && !voxels)) return;
+    if (!(particles > 0) && !voxels) return;
     if (particles > 0) SPS_SNPRINTF(counted, sizeof counted, "%.0f of the particles%s", particles, voxels ? ", " : "");
     SPS_SNPRINTF(text, sizeof text, "tmap: gas beyond near_depth %g or far_depth %g counts there: %s%s",
                  map->settings.near_depth, map->settings.far_depth, counted, voxels ? "the box about all voxels" : "");
-    context->config.message_fn(context->config.message_user, text);
+    spsi_tell(map->context, text);
 }
 
 /* Reports a light inside gas that its single face cannot cover. */
 SPSI_COLD void spsi_tmap_tell_amid(const sps_tmap *map, const spsi_frame *frame) {
-    const sps_config *config = &map->context->config;
     const spsi_rays *rays = &map->grid.rays[0];
-    if (!config->message_fn || map->grid.face_count > 1 || !rays->perspective) return;
+    if (map->grid.face_count > 1 || !rays->perspective) return;
     if (spsi_bounds_empty(&frame->content->bounds) || !spsi_bounds_hold(&frame->content->bounds, rays->origin)) return;
-    config->message_fn(config->message_user, "tmap: the light is amid the gas, and what its view leaves out counts as "
-                                             "lit; light.omnidirectional is for a light that shines all round");
+    spsi_tell(map->context, "tmap: the light is amid the gas, and what its view leaves out counts as lit; "
+                            "light.omnidirectional is for a light that shines all round");
 }
 
 static sps_result spsi_tmap_finish(sps_tmap *map) {
@@ -15206,10 +15168,9 @@ SPSI_COLD sps_result spsi_shadow_table_begin(sps_context *context, const spsi_fr
     table->gas = gas;
     table->key = spsi_shadow_table_key(frame, table, gas);
     spsi_shadow_table *held = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
-    for (int i = 0; i < context->shadow_table_count && table->key && !table->is_made; ++i) {
+    for (int i = 0; i < context->shadow_table_count && table->key && !table->pairs.data; ++i) {
         if (held[i].gas != table->gas) spsi_buffer_release(context, &held[i].pairs); /* outdated */
         if (!held[i].pairs.data || held[i].key != table->key) continue;
-        table->is_made = 1;
         table->pairs = held[i].pairs;
         memset(&held[i], 0, sizeof held[i]);
         spsi_shadow_table_count(context, table, 1);
@@ -15217,11 +15178,15 @@ SPSI_COLD sps_result spsi_shadow_table_begin(sps_context *context, const spsi_fr
     return SPS_OK;
 }
 
-/* `occluders` must be zero except for its frame and call stage. */
-SPSI_COLD sps_result spsi_shadow_table_fill(sps_context *context, const spsi_light *light, spsi_occluders *occluders,
-                                            spsi_shadow_table *table) {
+/* `coarse`: as in spsi_occluders. */
+SPSI_COLD sps_result spsi_shadow_table_fill(sps_context *context, const spsi_frame *frame, const spsi_light *light,
+                                            int coarse, const spsi_call_stage *part, spsi_shadow_table *table) {
     sps_tmap map;
-    if (table->is_made) return SPS_OK;
+    spsi_occluders occluders;
+    memset(&occluders, 0, sizeof occluders);
+    occluders.frame = frame;
+    occluders.coarse = coarse;
+    occluders.part = *part;
     const size_t entries = (size_t)spsi_shadow_table_blocks(&table->grid) * SPSI_SHADOW_TABLE_TEXELS;
     if (!spsi_buffer_reserve(context, &table->pairs, entries * (size_t)table->planes, sizeof(uint32_t)))
         return context->result;
@@ -15233,7 +15198,7 @@ SPSI_COLD sps_result spsi_shadow_table_fill(sps_context *context, const spsi_lig
     map.settings = light->map;
     map.settings.byte_budget = 0; /* it applies to the table */
     if (spsi_has_shadow_table(light)) map.settings.components = table->planes;
-    return spsi_tmap_resolve(&map) ? context->result : spsi_tmap_fill(&map, occluders);
+    return spsi_tmap_resolve(&map) ? context->result : spsi_tmap_fill(&map, &occluders);
 }
 
 /* --- map size before anything is read --- */
@@ -16520,16 +16485,10 @@ typedef struct spsi_sliced {
     spsi_penumbra penumbra;
 } spsi_sliced;
 
-typedef enum spsi_shadow_kind {
-    SPSI_SHADOW_NONE, /* media cast no shadows */
-    SPSI_SHADOW_SHEETS,
-    SPSI_SHADOW_TABLE
-} spsi_shadow_kind;
 
 typedef struct spsi_shadow {
     const spsi_light *light;
-    spsi_shadow_kind kind;
-    const spsi_sliced *sliced; /* sheets only */
+    const spsi_sliced *sliced; /* media's shadow: from sheets, a table, or none */
     const spsi_shadow_table *table;
     int soft;                  /* 1: sheets include polygons' shadows */
     void *open;                /* see spsi_visibility_bytes */
@@ -16639,8 +16598,8 @@ SPSI_COLD void spsi_shadow_aim(const spsi_rays *eye, spsi_shadow *shadow) {
     for (int i = 0; i < shadow->translucency_map_count; ++i)
         spsi_depth_map_follow(eye, &shadow->translucency_maps[i].grid);
     if (shadow->spread) spsi_light_grid_follow(eye, &shadow->spread->map, shadow->spread_along);
-    if (shadow->kind == SPSI_SHADOW_TABLE) spsi_light_grid_follow(eye, &shadow->table->grid, shadow->along);
-    for (int i = 0; i < 3 && shadow->kind == SPSI_SHADOW_SHEETS; ++i) {
+    if (shadow->table) spsi_light_grid_follow(eye, &shadow->table->grid, shadow->along);
+    for (int i = 0; i < 3 && shadow->sliced; ++i) {
         const spsi_rays *rays = shadow->sliced->target.rays;
         spsi_linear_build(eye, rays->inverse[i], rays->origin, 0, &shadow->along[i]);
     }
@@ -16659,8 +16618,8 @@ static inline void spsi_sliced_project(const spsi_sliced *sliced, const spsi_v a
 /* Optical depth on plane k. */
 static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], int k) {
     spsi_v q[2];
-    if (shadow->kind == SPSI_SHADOW_NONE) return spsi_set(0);
-    if (shadow->kind == SPSI_SHADOW_TABLE) return spsi_shadow_table_lookup(shadow->table, at);
+    if (shadow->table) return spsi_shadow_table_lookup(shadow->table, at);
+    if (!shadow->sliced) return spsi_set(0);
     const spsi_planes *planes = &shadow->sliced->planes;
     spsi_sliced_project(shadow->sliced, at, q);
     if (planes->cubic) return spsi_bicubic(planes->depth[k], planes->width, planes->height, q[0], q[1]);
@@ -16729,8 +16688,8 @@ static spsi_v spsi_shadow_table_surfaces(const spsi_shadow_table *table, const s
 /* Points must lie in or next to the chunk. */
 static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, const spsi_points *points, float *depths) {
     spsi_v found = spsi_set(0);
-    if (shadow->kind == SPSI_SHADOW_TABLE) found = spsi_shadow_table_surfaces(shadow->table, points);
-    if (shadow->kind == SPSI_SHADOW_SHEETS) found = spsi_sliced_surfaces(shadow->sliced, first_slab, points);
+    if (shadow->table) found = spsi_shadow_table_surfaces(shadow->table, points);
+    if (shadow->sliced) found = spsi_sliced_surfaces(shadow->sliced, first_slab, points);
     spsi_store(depths, found);
 }
 
@@ -17047,15 +17006,9 @@ SPSI_COLD int spsi_shadow_table_of_cells(sps_context *context, const spsi_light 
 
 SPSI_COLD sps_result spsi_shadow_table_make(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                             const spsi_call_stage *part, spsi_shadow_table *table) {
-    spsi_occluders occluders;
-    memset(&occluders, 0, sizeof occluders);
-    occluders.frame = frame;
-    occluders.part = *part;
-    if (table->is_made) return SPS_OK;
-    if (spsi_shadow_table_fill(context, light, &occluders, table)) return context->result;
-    table->is_made = 1;
-    if (!spsi_has_shadow_table(light)) return SPS_OK;
-    spsi_shadow_table_count(context, table, 0);
+    if (table->pairs.data) return SPS_OK;
+    if (spsi_shadow_table_fill(context, frame, light, 0, part, table)) return context->result;
+    if (spsi_has_shadow_table(light)) spsi_shadow_table_count(context, table, 0);
     return SPS_OK;
 }
 
@@ -17076,7 +17029,6 @@ SPSI_COLD sps_result spsi_shadow_tables_build(sps_context *context, const spsi_f
         const spsi_light *light = shadows[i].light;
         if (!light->has_map) continue;
         shadows[i].table = next;
-        shadows[i].kind = SPSI_SHADOW_TABLE;
         if ((!spsi_shadow_table_of_cells(context, light, next) &&
              spsi_shadow_table_begin(context, frame, light, gas, next)) ||
             spsi_shadow_table_make(context, frame, light, &part, next))
@@ -17223,9 +17175,9 @@ SPSI_COLD int spsi_sweep_measures(const spsi_frame *frame, const spsi_sweep *swe
 SPSI_COLD sps_result spsi_forward_tables(sps_context *context, spsi_frame *frame) {
     const int orders = spsi_uses_cells(frame) ? frame->matter.orders : 0;
     const int stays = spsi_convolves(frame);
-    spsi_forward *forward;
     if (!spsi_scatters_forward(frame)) return SPS_OK;
-    forward = SPSI_RESERVE(context, SPSI_BUFFER_FORWARD, (size_t)frame->matter.material_count, spsi_forward);
+    spsi_forward *forward =
+        SPSI_RESERVE(context, SPSI_BUFFER_FORWARD, (size_t)frame->matter.material_count, spsi_forward);
     if (!forward) return context->result;
     for (int i = 0; i < frame->matter.material_count; ++i) {
         spsi_material *material = &frame->matter.materials[i];
@@ -17916,10 +17868,9 @@ static void spsi_cell_toward_eye(const spsi_cell_viewer *look, int x, int y, int
                                  float harmonic[SPSI_CELL_TERMS]) {
     const spsi_rays *eye = &look->frame->content->eye;
     const double at[3] = {x + 0.5, y + 0.5, z + 0.5}, length = spsi_length(eye->c);
-    double behind;
     for (int k = 0; k < 3; ++k)
         toward[k] = eye->perspective ? eye->origin[k] - (look->grid->corner[k] + look->grid->edge * at[k]) : -eye->c[k];
-    behind = spsi_dmax(0.5 * look->grid->edge + spsi_dot(toward, eye->c) / length, 0);
+    const double behind = spsi_dmax(0.5 * look->grid->edge + spsi_dot(toward, eye->c) / length, 0);
     for (int k = 0; k < 3 && eye->perspective; ++k) toward[k] -= behind * eye->c[k] / length;
     (void)spsi_normalise(toward);
     spsi_harmonics(toward, harmonic);
@@ -19790,11 +19741,9 @@ typedef struct spsi_sample {
 /* Reserves structs per worker, too large for some job systems' stacks. Returns NULL on failure. */
 SPSI_COLD void *spsi_vectors_reserve(sps_context *context, spsi_buffer_id id, int count, size_t size) {
     size_t bytes = SPSI_VECTOR_ALIGNMENT;
-    char *memory;
-    uintptr_t beyond;
     spsi_bytes_add(&bytes, (size_t)count, (size_t)spsi_worker_count(context) * size);
-    memory = (char *)spsi_reserve(context, id, 1, bytes);
-    beyond = (uintptr_t)memory % SPSI_VECTOR_ALIGNMENT;
+    char *memory = (char *)spsi_reserve(context, id, 1, bytes);
+    const uintptr_t beyond = (uintptr_t)memory % SPSI_VECTOR_ALIGNMENT;
     return memory ? memory + (beyond ? SPSI_VECTOR_ALIGNMENT - beyond : 0) : NULL;
 }
 
@@ -20785,11 +20734,6 @@ SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, co
 }
 
 /* A light's shadow; NULL: another sweep's, or none. */
-static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_light *light) {
-    for (int i = 0; i < shader->shadow_count; ++i)
-        if (shader->shadows[i].light == light) return &shader->shadows[i];
-    return NULL;
-}
 
 /* Transmittance from a light to surfaces, or from these to the eye (`light`, `to`: NULL). Phase functions' peaks count
    as transmitted, unless patches send them to surfaces outside the cells. */
@@ -21207,7 +21151,9 @@ static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) 
     if (shader->sweep->first && frame->content->cells) spsi_surfaces_add_scattered(shader, NULL, list);
     for (int i = 0; i < frame->lights.count; ++i) {
         const spsi_light *light = &frame->lights.list[i];
-        const spsi_shadow *shadow = spsi_shadow_of(shader, light);
+        const spsi_shadow *shadow = NULL;
+        for (int k = 0; k < shader->shadow_count && !shadow; ++k)
+            if (shader->shadows[k].light == light) shadow = &shader->shadows[k];
         if (shadow && shadow->spread) spsi_surfaces_add_scattered(shader, shadow, list);
         if (shadow || (shader->sweep->first && !light->shadows)) spsi_surfaces_add_light(shader, light, shadow, list);
     }
@@ -22050,21 +21996,15 @@ SPSI_COLD void spsi_cells_map_light(int texels, const spsi_bounds *served, spsi_
 SPSI_COLD sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_light *light, const spsi_call_stage *part,
                                     spsi_shadow_table *table) {
     spsi_light coarse = *light;
-    spsi_occluders occluders;
     spsi_cells_map_light(spsi_cell_texels(job->frame), &job->bounds, &coarse);
     if (spsi_shadow_table_aim(job->context, job->frame, &coarse, table)) return job->context->result;
-    memset(&occluders, 0, sizeof occluders);
-    occluders.frame = job->frame;
-    occluders.coarse = 1;
-    occluders.part = *part;
-    return spsi_shadow_table_fill(job->context, &coarse, &occluders, table);
+    return spsi_shadow_table_fill(job->context, job->frame, &coarse, 1, part, table);
 }
 
 /* A light's own table, made for the sweeps, may already be filled. */
 SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_light *light, const spsi_call_stage *part,
                                       spsi_shadow *shadow, spsi_shadow_table *table) {
     shadow->light = light;
-    shadow->kind = SPSI_SHADOW_TABLE;
     shadow->table = table;
     if (table->waits) return SPS_OK;
     if (!spsi_has_shadow_table(light)) return spsi_cells_map(job, light, part, table);
@@ -22714,7 +22654,6 @@ static void spsi_cells_light_task(void *data, int row) {
 SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage *part) {
     sps_context *context = job->context;
     const int count = job->frame->lights.shadow_count, rows = job->grid->size[1] * job->grid->size[2];
-    spsi_shadow_table *tables;
     spsi_cell_directions(job->directions);
     if (job->faces->count > 0) {
         const size_t cells = job->grid->count;
@@ -22724,7 +22663,7 @@ SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage 
     }
     if (count == 0 && !job->walls) return job->grid->pyramid ? spsi_cells_fly_to(job) : SPS_OK;
     job->shadows = SPSI_RESERVE(context, SPSI_BUFFER_SHADOWS, (size_t)count, spsi_shadow);
-    tables = SPSI_RESERVE(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, spsi_shadow_table);
+    spsi_shadow_table *tables = SPSI_RESERVE(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, spsi_shadow_table);
     if (!job->shadows || !tables) return context->result;
     if (!job->later) memset(job->shadows, 0, (size_t)count * sizeof *job->shadows);
     for (int i = 0; i < count; ++i) /* waiting tables were made for an earlier grid */
@@ -22828,13 +22767,12 @@ SPSI_COLD size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_sol
 
 SPSI_COLD sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_grid *grid,
                                             spsi_cell_solver *solver) {
-    float *memory;
     memset(solver, 0, sizeof *solver);
     solver->context = context;
     spsi_cell_directions(solver->directions);
     spsi_cell_rays_build(&solver->rays);
     size_t floats = spsi_cell_solver_size(grid, solver);
-    memory = SPSI_RESERVE(context, SPSI_BUFFER_CELL_SOLVER, floats, float);
+    float *memory = SPSI_RESERVE(context, SPSI_BUFFER_CELL_SOLVER, floats, float);
     if (!memory) return context->result;
     solver->balance = (double *)(void *)memory;
     memory += 4 * grid->size[2];
@@ -23396,9 +23334,8 @@ SPSI_COLD sps_result spsi_cells_begin(sps_context *context, const spsi_frame *fr
 SPSI_COLD sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *frame, spsi_cell_grid *grids,
                                         int count) {
     size_t floats = 0;
-    float *memory;
     for (int n = 0; n < count; ++n) floats += spsi_cell_grid_lay_out(frame, &grids[n], NULL);
-    memory = SPSI_RESERVE(context, SPSI_BUFFER_CELL_MOMENTS, floats, float);
+    float *memory = SPSI_RESERVE(context, SPSI_BUFFER_CELL_MOMENTS, floats, float);
     if (!memory) return context->result;
     for (int n = 0; n < count; ++n) {
         memory += spsi_cell_grid_lay_out(frame, &grids[n], memory);
@@ -23672,10 +23609,9 @@ static void spsi_spread_light_task(void *data, int y) {
             const size_t texel = (size_t)y * (size_t)pitch + (size_t)x, at = (size_t)k * job->plane + texel;
             spsi_incident incident;
             spsi_cell_spot spot;
-            spsi_subslab middle; /* one direction per texel: a light in the medium may lie at a sheet's end */
             spsi_v filter[3];
             spsi_cell_spot_build(&job->shader, thickness, x, y, job->first + k, &spot);
-            middle = spot.part;
+            spsi_subslab middle = spot.part; /* one direction per texel: a light in gas may lie at a sheet's end */
             middle.half = spsi_set(0);
             middle.ends[0] = middle.ends[1] = middle.middle;
             spsi_light_at(&job->shader, &job->light, &spot.pixels, &middle, spsi_set(0), &incident);
@@ -23863,9 +23799,8 @@ SPSI_COLD sps_result spsi_spreads_make(sps_context *context, const spsi_frame *f
     for (size_t i = 0; i < count; ++i) {
         spsi_spread *spread = &spreads->list[i];
         spsi_call_stage face = each;
-        float *memory;
         memset(job, 0, sizeof *job);
-        memory = SPSI_RESERVE(context, SPSI_BUFFER_CELLS, spsi_spread_job_begin(frame, spread, job), float);
+        float *memory = SPSI_RESERVE(context, SPSI_BUFFER_CELLS, spsi_spread_job_begin(frame, spread, job), float);
         if (!memory) return context->result;
         job->context = context;
         job->frame = frame;
@@ -23889,7 +23824,6 @@ SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *
     const double start = spsi_clock(context);
     const uint64_t key = spsi_scattered_fingerprint(context, frame);
     size_t floats = 0;
-    float *memory;
     if (!spsi_holds_gas(context, frame) || spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
     int held = spsi_scattered_take(context, key);
     spreads->list = SPSI_RESERVE(context, SPSI_BUFFER_CELL_GRID, count, spsi_spread);
@@ -23902,7 +23836,7 @@ SPSI_COLD sps_result spsi_spreads_build(sps_context *context, const spsi_frame *
         spreads->count += 1;
         floats += spsi_spread_floats(spread);
     }
-    memory = SPSI_RESERVE(context, SPSI_BUFFER_CELL_MOMENTS, floats, float);
+    float *memory = SPSI_RESERVE(context, SPSI_BUFFER_CELL_MOMENTS, floats, float);
     if (!memory) return context->result;
     for (int i = 0; i < spreads->count; ++i) {
         spsi_spread *spread = &spreads->list[i];
@@ -24138,11 +24072,8 @@ SPSI_COLD sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
     const spsi_shader *shader = &run->shader;
     run->has_sliced = shader->sweep->light && !shader->again.measures && spsi_holds_gas(context, shader->frame);
     if (!run->has_sliced) return SPS_OK;
-    for (int i = 0; i < shader->shadow_count; ++i) {
-        if (run->shadows[i].light != shader->sweep->light) continue;
-        run->shadows[i].kind = SPSI_SHADOW_SHEETS;
-        run->shadows[i].sliced = &run->sliced;
-    }
+    for (int i = 0; i < shader->shadow_count; ++i)
+        if (run->shadows[i].light == shader->sweep->light) run->shadows[i].sliced = &run->sliced;
     return spsi_sliced_begin(context, shader->frame, shader->sweep, shader->faces, &run->contents, &run->sliced);
 }
 
@@ -24388,10 +24319,10 @@ SPSI_COLD double spsi_covered_pixels(const spsi_frame *frame) {
 /* Number of slabs; 0: no medium; infinity: rendering would fail. */
 SPSI_COLD double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *sweep) {
     const double edge = spsi_sweep_begin(frame, n, 0, sweep);
-    double count;
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
     if (!spsi_sweep_place(frame, sweep)) return HUGE_VAL;
-    count = spsi_slabs_place(frame, &sweep->eye, sweep->light, edge, spsi_slab_least(frame, sweep), &sweep->slabs);
+    const double count =
+        spsi_slabs_place(frame, &sweep->eye, sweep->light, edge, spsi_slab_least(frame, sweep), &sweep->slabs);
     return count <= SPSI_SLABS_MAX ? count : HUGE_VAL;
 }
 
@@ -24428,13 +24359,6 @@ SPSI_COLD size_t spsi_table_cached_bytes(sps_context *context, const spsi_frame 
     return 0;
 }
 
-/* Work of cells, doubled with polygons; 0 without multiple scattering. */
-SPSI_COLD double spsi_work_cells(const spsi_frame *frame) {
-    spsi_cell_grid grid;
-    if (!spsi_uses_cells(frame) && !spsi_convolves(frame)) return 0;
-    if (!spsi_cells_place(frame, &frame->content->bounds, &grid)) return 0;
-    return (double)frame->channels * grid.size[0] * grid.size[1] * grid.size[2] * (frame->meshes.count > 0 ? 2 : 1);
-}
 
 /* Fixed units per stage: tenths of a millisecond, measured on one-pixel frames. */
 static const double spsi_fixed_units[SPSI_STAGE_COUNT] = {1e4, 1e4, 5e3, 3e4, 100, 100, 3e4, 1e4};
@@ -24582,11 +24506,15 @@ SPSI_COLD int spsi_candidate_beats(const sps_view *view, const spsi_candidate *a
     return open[0] < open[1];
 }
 
-/* Cells are cached if a frame with this setting made the same light. */
+/* Doubles the work beside polygons. Cells are cached if a frame with this setting made the same light. */
 SPSI_COLD void spsi_work_count_cells(const sps_context *context, const spsi_frame *frame, const spsi_setting *setting,
                                      spsi_work *work) {
     const spsi_rates *pace = &context->pace;
-    const double cells = spsi_work_cells(frame);
+    double cells = 0;
+    spsi_cell_grid grid;
+    if ((spsi_uses_cells(frame) || spsi_convolves(frame)) && spsi_cells_place(frame, &frame->content->bounds, &grid))
+        cells =
+            (double)frame->channels * grid.size[0] * grid.size[1] * grid.size[2] * (frame->meshes.count > 0 ? 2 : 1);
     const int are_held = cells > 0 && context->cells_cached != 0 && pace->scattered != 0 &&
                          memcmp(&pace->scattered_by, setting, sizeof *setting) == 0 &&
                          pace->scattered == spsi_scattered_fingerprint(context, frame);
@@ -25115,7 +25043,6 @@ SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *f
             uint64_t bricks = 1, voxels = 1, kept = 1;
             if (block.result == SPS_OK) spsi_block_range(&block);
             context->stats.range_calls += (uint64_t)block.range_calls;
-            report->range_calls += (uint64_t)block.range_calls;
             if (spsi_block_check(context, &block)) return context->result;
             if (block.empty) continue;
             for (int k = 0; k < 3; ++k) {
@@ -25136,9 +25063,9 @@ SPSI_COLD sps_result spsi_plan_reading(sps_context *context, const spsi_frame *f
                 report->read_calls += 1;
         }
         context->stats.range_calls += (uint64_t)walk.range_calls;
-        report->range_calls += (uint64_t)walk.range_calls;
         if (spsi_progress(context, 0)) return context->result;
     }
+    report->range_calls = context->stats.range_calls;
     return SPS_OK;
 }
 
@@ -26476,10 +26403,9 @@ SPSI_COLD sps_result spsi_march_grids(sps_context *context, const spsi_frame *fr
 }
 
 SPSI_COLD sps_result spsi_march_particles(sps_context *context, const spsi_frame *frame, spsi_tree *tree) {
-    spsi_tree_item *items;
     if (frame->content->particle_count == 0) return SPS_OK;
-    items = spsi_tree_reserve(context, SPSI_BUFFER_REFERENCE_PARTICLE_NODES, SPSI_BUFFER_REFERENCE_PARTICLES,
-                              frame->content->particle_count, tree);
+    spsi_tree_item *items = spsi_tree_reserve(context, SPSI_BUFFER_REFERENCE_PARTICLE_NODES,
+                                              SPSI_BUFFER_REFERENCE_PARTICLES, frame->content->particle_count, tree);
     if (!items) return context->result;
     for (int i = 0; i < 3; ++i) tree->centre[i] = (double)frame->content->particles[0].position[i];
     for (int i = 0; i < tree->count; ++i) {

@@ -4131,7 +4131,6 @@ typedef struct spsi_flights {
     spsi_emitter *emitters;
     spsi_flight_node *nodes;
     int *order, count; /* order: leaf after leaf */
-    spsi_bounds bounds;
     const spsi_cell_grid *grids;
     int grid_count;
     float to_cells, to_polygons; /* fractions sent directly; sweeps carry the rest */
@@ -4202,9 +4201,7 @@ typedef struct spsi_frame {
     sps_scene given; /* arrays valid only while building */
     sps_view view;     /* resolved; shadow_resolution 0: fitted */
     sps_object viewer; /* object for view errors */
-    int has_matrix;    /* 1: camera given as a matrix, kept in `eye` only */
     spsi_accuracy accuracy;
-    spsi_rays eye;
     int medium_count;
     spsi_medium media[SPSI_VOLUMES_MAX];
     spsi_lattice lattices[SPSI_VOLUMES_MAX];
@@ -4749,7 +4746,7 @@ SPSI_COLD sps_result spsi_rays_build(sps_context *context, sps_object object, co
 
 SPSI_COLD sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) {
     sps_view *view = &frame->view;
-    spsi_rays *eye = &frame->eye;
+    spsi_rays *eye = &frame->content->eye;
     if (!spsi_has_region(view->region)) {
         view->region[2] = view->width;
         view->region[3] = view->height;
@@ -4757,10 +4754,8 @@ SPSI_COLD sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) 
     eye->width = view->width;
     eye->height = view->height;
     if (spsi_rays_build(context, SPS_OBJECT_VIEW, &view->camera, eye)) return context->result;
-    frame->has_matrix = view->camera.world_to_clip != NULL;
-    view->camera.world_to_clip = NULL; /* owned by the caller */
-    eye->near_depth =
-        frame->has_matrix && !eye->perspective && !(view->near_distance > 0) ? -HUGE_VAL : view->near_distance;
+    const int endless = view->camera.world_to_clip && !eye->perspective && !(view->near_distance > 0);
+    eye->near_depth = endless ? -HUGE_VAL : view->near_distance;
     spsi_resolve_quality(frame);
     return SPS_OK;
 }
@@ -5327,7 +5322,6 @@ SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *sc
     }
     frame->channels = spsi_count_channels(frame);
     content->outer = content->bounds;
-    content->eye = frame->eye;
     return frame;
 }
 
@@ -5393,13 +5387,28 @@ SPSI_COLD int spsi_block_cells(const spsi_medium *medium, int edge, int axis) {
     return spsi_block_cell(medium->high[axis] - 1, edge) - spsi_block_cell(medium->low[axis], edge) + 1;
 }
 
+#define SPSI_WALK_LEVELS 3 /* cubes of 512^3, 64^3 and 32^3 voxels */
+
+/* Visits a volume's blocks of 32^3 voxels; skips parents that range_fn calls empty. */
+typedef struct spsi_block_walk {
+    const spsi_medium *medium;
+    const spsi_material *material;
+    int replace;                     /* 1: invalid values count as 0 */
+    int levels, edges[SPSI_WALK_LEVELS];
+    int64_t spans[SPSI_WALK_LEVELS]; /* numbers per cube */
+    int64_t next, end;               /* numbers: outermost cubes, x fastest, then their cubes */
+    uint64_t skipped;                /* since the last block */
+    int range_calls;
+} spsi_block_walk;
+
 /* corner: low corner, without the margin. */
-SPSI_COLD void spsi_block_place(spsi_block *block, const spsi_medium *medium, const spsi_material *material,
-                                const int corner[3], int edge) {
-    const int margin = material->table ? SPSI_MARGIN : 0;
+SPSI_COLD void spsi_block_place(const spsi_block_walk *walk, const int corner[3], int edge, spsi_block *block) {
+    const spsi_medium *medium = walk->medium;
+    const int margin = walk->material->table ? SPSI_MARGIN : 0;
     memset(block, 0, sizeof *block);
     block->medium = medium;
-    block->material = material;
+    block->material = walk->material;
+    block->replace = walk->replace;
     for (int i = 0; i < 3; ++i) {
         block->core_low[i] = spsi_imax(medium->low[i], corner[i]);
         block->core_high[i] = spsi_imin(medium->high[i], corner[i] + edge);
@@ -5570,19 +5579,6 @@ SPSI_COLD sps_result spsi_block_check(sps_context *context, const spsi_block *bl
 
 /* --- reading blocks --- */
 
-#define SPSI_WALK_LEVELS 3 /* cubes of 512^3, 64^3 and 32^3 voxels */
-
-/* Visits a volume's blocks of 32^3 voxels; skips parents that range_fn calls empty. */
-typedef struct spsi_block_walk {
-    const spsi_medium *medium;
-    const spsi_material *material;
-    int levels, edges[SPSI_WALK_LEVELS];
-    int64_t spans[SPSI_WALK_LEVELS]; /* numbers per cube */
-    int64_t next, end;               /* numbers: outermost cubes, x fastest, then their cubes */
-    uint64_t skipped;                /* since the last block */
-    int range_calls;
-} spsi_block_walk;
-
 SPSI_COLD void spsi_blocks_begin(const spsi_medium *medium, const spsi_material *material, int asks,
                                  spsi_block_walk *walk) {
     const int parents = asks && medium->given.range_fn ? medium->given.range_levels : 0;
@@ -5629,13 +5625,13 @@ SPSI_COLD int spsi_blocks_next(sps_context *context, spsi_block_walk *walk, spsi
             if (walk->next % walk->spans[level] != 0) continue; /* known */
             inside = spsi_blocks_corner(walk, level, corner);
             if (!inside || level == walk->levels - 1) break;
-            spsi_block_place(block, walk->medium, walk->material, corner, walk->edges[level]);
+            spsi_block_place(walk, corner, walk->edges[level], block);
             spsi_block_range(block);
             walk->range_calls += block->range_calls;
             if (block->result != SPS_OK || block->empty) break;
         }
         if (inside && level == walk->levels - 1) {
-            spsi_block_place(block, walk->medium, walk->material, corner, SPSI_BLOCK);
+            spsi_block_place(walk, corner, SPSI_BLOCK, block);
         } else if (inside && block->empty) {
             uint64_t count = 1;
             for (int k = 0; k < 3; ++k)
@@ -5656,7 +5652,6 @@ SPSI_COLD int spsi_blocks_next(sps_context *context, spsi_block_walk *walk, spsi
 typedef struct spsi_reader {
     const sps_context *context;
     int asks;               /* 1: call range_fn first */
-    int replace;            /* 1: invalid values count as 0 */
     spsi_call_stage part;   /* this volume's progress range */
     spsi_block_walk walk;
     int at_once;            /* maximum blocks in memory */
@@ -5700,7 +5695,6 @@ SPSI_COLD sps_result spsi_reader_next(sps_context *context, spsi_reader *reader,
                spsi_blocks_next(context, &reader->walk, &reader->list[reader->count].block);
     }
     if (context->cancelled) return spsi_progress(context, 0);
-    for (int i = 0; i < reader->count; ++i) reader->list[i].block.replace = reader->replace;
     for (int i = 0; i < reader->count; ++i) { /* unless concurrent, read here, up to the first failure */
         const double done = (double)(reader->walk.next - reader->count + i) / (double)reader->walk.end;
         if (spsi_progress(context, spsi_call_stage_done(&reader->part, done))) return context->result;
@@ -5923,7 +5917,7 @@ SPSI_COLD sps_result spsi_gather_medium(sps_context *context, const spsi_frame *
     const double share = SPSI_PROGRESS_GATHER / frame->medium_count;
     spsi_reader reader;
     if (spsi_reader_open(context, read, &frame->matter.materials[read->channel], 1, &reader)) return context->result;
-    reader.replace = frame->given.replace_invalid;
+    reader.walk.replace = frame->given.replace_invalid;
     reader.part.progress = share * medium;
     reader.part.share = share;
     while (reader.walk.next < reader.walk.end) {
@@ -6079,21 +6073,24 @@ SPSI_COLD sps_result spsi_particles_validate(sps_context *context, const spsi_pa
     return SPS_OK;
 }
 
-/* Numbers of albedos and of particles read at once; 0 if none are needed. */
-SPSI_COLD size_t spsi_albedo_count(const spsi_frame *frame) {
-    return frame->particles.has_albedos ? frame->particles.count : 0;
-}
-SPSI_COLD size_t spsi_batch_count(const spsi_frame *frame) {
-    const size_t count = frame->particles.count;
-    return count < SPSI_PARTICLE_BATCH ? count : SPSI_PARTICLE_BATCH;
-}
-
 typedef struct spsi_particle_lists {
     sps_particle *batch;
     spsi_particle *list;
     float (*albedos)[3]; /* NULL: none */
     size_t read;
 } spsi_particle_lists;
+
+/* 20 bytes per particle, 32 if some have albedos. */
+SPSI_COLD sps_result spsi_particles_reserve(sps_context *context, const spsi_frame *frame,
+                                            spsi_particle_lists *lists) {
+    const size_t count = frame->particles.count, batch = count < SPSI_PARTICLE_BATCH ? count : SPSI_PARTICLE_BATCH;
+    memset(lists, 0, sizeof *lists);
+    lists->batch = SPSI_RESERVE(context, SPSI_BUFFER_PARTICLE_BATCH, batch, sps_particle);
+    lists->list = SPSI_RESERVE(context, SPSI_BUFFER_PARTICLES, count, spsi_particle);
+    if (frame->particles.has_albedos)
+        lists->albedos = (float(*)[3])spsi_reserve(context, SPSI_BUFFER_PARTICLE_ALBEDOS, count, sizeof(float[3]));
+    return context->result;
+}
 
 SPSI_COLD sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame, const spsi_particle_set *set,
                                      spsi_particle_lists *lists) {
@@ -6199,17 +6196,12 @@ SPSI_COLD void spsi_measure_particles(const spsi_frame *frame) {
     frame->content->particle_extinction = spsi_measure_extinction(frame);
 }
 
-/* Reads every set once; 20 bytes per particle, 32 if some have albedos. */
+/* Reads every set once. */
 SPSI_COLD sps_result spsi_gather_particles(sps_context *context, const spsi_frame *frame) {
     const uint64_t replaced = context->stats.values_replaced;
-    const size_t count = frame->particles.count, colored = spsi_albedo_count(frame);
+    spsi_particle_lists lists;
     if (frame->particles.set_count == 0) return SPS_OK;
-    spsi_particle_lists lists = {
-        SPSI_RESERVE(context, SPSI_BUFFER_PARTICLE_BATCH, spsi_batch_count(frame), sps_particle),
-        SPSI_RESERVE(context, SPSI_BUFFER_PARTICLES, count, spsi_particle),
-        (float(*)[3])spsi_reserve(context, SPSI_BUFFER_PARTICLE_ALBEDOS, colored, sizeof(float[3])), 0};
-    if (context->result) return context->result;
-    if (colored == 0) lists.albedos = NULL;
+    if (spsi_particles_reserve(context, frame, &lists)) return context->result;
     for (int i = 0; i < frame->particles.set_count; ++i)
         if (spsi_gather_set(context, frame, &frame->particles.sets[i], &lists)) return context->result;
     frame->content->particles = lists.list;
@@ -9310,14 +9302,12 @@ static void spsi_sphere_shape(const spsi_rays *rays, const double c[3], const do
         bend[1] = spsi_dot(rays->a, rays->b) * per_square;
         bend[2] = spsi_dot(rays->b, rays->b) * per_square;
     }
-    {
-        const double flat = rays->perspective;
-        const spsi_outline along_x = {cross[0] - bend[0], cross[1] - bend[1], cross[2] - bend[2], flat * tilt[0],
-                                      flat * tilt[1]};
-        const spsi_outline along_y = {along_x.c, along_x.b, along_x.a, along_x.e, along_x.d};
-        spsi_outline_range(&along_x, q[0], rays->width, &sphere->x0, &sphere->x1);
-        spsi_outline_range(&along_y, q[1], rays->height, &sphere->y0, &sphere->y1);
-    }
+    const double flat = rays->perspective;
+    const spsi_outline along_x = {cross[0] - bend[0], cross[1] - bend[1], cross[2] - bend[2], flat * tilt[0],
+                                  flat * tilt[1]};
+    const spsi_outline along_y = {along_x.c, along_x.b, along_x.a, along_x.e, along_x.d};
+    spsi_outline_range(&along_x, q[0], rays->width, &sphere->x0, &sphere->x1);
+    spsi_outline_range(&along_y, q[1], rays->height, &sphere->y0, &sphere->y1);
     for (int i = 0; i < 3; ++i) sphere->cross[i] = (float)cross[i], sphere->bend[i] = (float)bend[i];
     for (int i = 0; i < 2; ++i) sphere->tilt[i] = (float)tilt[i];
     sphere->shift = (float)-t;
@@ -9697,7 +9687,7 @@ SPSI_COLD sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_f
     const double value = seen->field_of_view > 0 ? seen->field_of_view : seen->ortho_height;
     char rest[SPSI_SENTENCE_SIZE], camera[64] = "is too wide";
     char way_out[64] = "it to 168 degrees from corner to corner";
-    if (!frame->has_matrix) SPS_SNPRINTF(camera, sizeof camera, "is %g", value);
+    if (!seen->world_to_clip) SPS_SNPRINTF(camera, sizeof camera, "is %g", value);
     if (sweep->light)
         SPS_SNPRINTF(way_out, sizeof way_out, "it, or set shadow_source or no_shadow on light[%d]",
                      sweep->light->index);
@@ -9705,10 +9695,10 @@ SPSI_COLD sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_f
                  "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; narrow %s", camera,
                  sweep->cosine_of_eye, way_out);
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1,
-                          frame->has_matrix         ? "camera.world_to_clip"
+                          seen->world_to_clip       ? "camera.world_to_clip"
                           : seen->field_of_view > 0 ? "camera.field_of_view"
                                                     : "camera.ortho_height",
-                          frame->has_matrix ? 0 : value, rest);
+                          seen->world_to_clip ? 0 : value, rest);
 }
 
 /* Orients slabs for an eye direction and the light, if any. Returns 1 if slabs suit all rays. */
@@ -10691,7 +10681,6 @@ typedef struct spsi_deposit {
     float breadth[3];
     int low[3], high[3]; /* sample range of the tile */
     int edges[2][3];     /* range of all samples */
-    int kept;            /* 1: edge samples also take the mass beyond */
 } spsi_deposit;
 
 /* First of three samples per axis, and their weights. */
@@ -10700,7 +10689,6 @@ typedef struct spsi_deposit_weights {
     float weight[3][3][SPSI_LANES];
 } spsi_deposit_weights;
 
-/* Parallel rays cover the whole medium, so border samples keep all mass. */
 static void spsi_deposit_begin(const spsi_tile *tile, const spsi_splatter *s, const spsi_brick_origin *origin,
                                const spsi_brick *brick, const int edges[2][3], spsi_deposit *deposit) {
     const int last[3] = {tile->x1 - tile->x0, tile->y1 - tile->y0, tile->slab_count - 1};
@@ -10709,7 +10697,6 @@ static void spsi_deposit_begin(const spsi_tile *tile, const spsi_splatter *s, co
     deposit->tile = tile;
     deposit->splatter = s;
     deposit->origin = origin;
-    deposit->kept = !s->perspective;
     memcpy(deposit->edges, edges, sizeof deposit->edges);
     for (int k = 0; k < 3; ++k) {
         const float middle = 0.5f * (float)(brick->low[k] + brick->high[k]);
@@ -10734,15 +10721,15 @@ static inline void spsi_deposit_weights_along(int axis, spsi_v at, float breadth
     spsi_store(shares->weight[axis][2], spsi_mul(mass, after));
 }
 
+/* Parallel rays cover the whole medium, so border samples keep all mass. */
 static void spsi_deposit_voxel(const spsi_deposit *deposit, const spsi_deposit_weights *shares, int lane,
                                float *channel) {
     const spsi_tile *tile = deposit->tile;
-    const int *low = deposit->low, *high = deposit->high;
+    const int *low = deposit->low, *high = deposit->high, keeps = !deposit->splatter->perspective;
     int at[3][3];
     for (int i = 0; i < 9; ++i) {
         const int k = i / 3, sample = shares->first[k][lane] + i % 3;
-        at[k][i % 3] =
-            deposit->kept ? spsi_imax(deposit->edges[0][k], spsi_imin(deposit->edges[1][k], sample)) : sample;
+        at[k][i % 3] = keeps ? spsi_imax(deposit->edges[0][k], spsi_imin(deposit->edges[1][k], sample)) : sample;
     }
     SPSI_ROLLED for (int i = 0; i < 9; ++i) {
         const int y = at[1][i % 3], slab = at[2][i / 3];
@@ -10799,7 +10786,6 @@ typedef struct spsi_sphere_setup {
     float eye_near;
     double row[3], slab_origin;   /* slab coordinate: row . p - slab_origin */
     double reach;                 /* slabs per world unit */
-    double reach_depth;           /* maximum t per world unit */
 } spsi_sphere_setup;
 
 typedef struct spsi_projected_sphere {
@@ -10827,7 +10813,6 @@ SPSI_COLD void spsi_sphere_setup_build(const spsi_rays *rays, const spsi_slabs *
     crossing->slab_t = (float)spsi_dot(crossing->row, rays->c);
     crossing->eye_near = spsi_rays_begin(rays);
     crossing->reach = 1 / slabs->thickness;
-    crossing->reach_depth = rays->per_length;
 }
 
 static void spsi_particle_slabs(const spsi_sphere_setup *crossing, const spsi_particle *particle, double *slab,
@@ -10851,7 +10836,7 @@ static void spsi_projected_sphere_build(const spsi_sphere_setup *crossing, const
     t = rays->perspective ? (double)projected->sphere.t + rays->depth_reference : 1;
     projected->slab = (float)(spsi_dot(crossing->row, centre) - crossing->slab_origin - first_slab);
     projected->reach = (float)(radius * crossing->reach);
-    projected->reach_depth = (float)(radius * crossing->reach_depth);
+    projected->reach_depth = (float)(radius * rays->per_length);
     projected->weight =
         (float)spsi_dmin((double)projected->sphere.depth / (projected->sphere.soft ? 4.0 / 3 : 2.0) / radius, 1e30);
     projected->tilt_x = (float)(spsi_dot(crossing->row, rays->a) * t);
@@ -12313,10 +12298,6 @@ SPSI_COLD int spsi_levels_wanted(const spsi_frame *frame, int medium) {
     return frame->view.quality > SPS_QUALITY_MEDIUM && longest > 2 * shortest ? 0 : SPSI_LEVELS;
 }
 
-typedef enum spsi_sample_pattern {
-    SPSI_SAMPLER_PIXELS, /* one ray, or several for smaller voxels */
-    SPSI_SAMPLER_SHEETS  /* a light's sheets: tries one ray first, at any level */
-} spsi_sample_pattern;
 
 /* True if one sample per slab is enough. */
 SPSI_COLD int spsi_sampler_is_fine(const spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays) {
@@ -12364,21 +12345,21 @@ SPSI_COLD spsi_fill_choice spsi_sampler_try(const spsi_frame *frame, const spsi_
 }
 
 /* Decides how a volume fills sheets, and builds its sampler at the frame's level, with the fewest rays that suffice. If
-   no level is chosen yet: the finest where two or four rays suffice, else the coarsest, which is cheapest. */
+   no level is chosen yet: the finest where two or four rays suffice, else the coarsest, which is cheapest. `sheets`: a
+   light's, which try one ray first at any level; pixels take several for small voxels. */
 SPSI_COLD spsi_fill_choice spsi_sampler_judge(const spsi_frame *frame, const spsi_lattice *lattice,
                                               const spsi_rays *rays, const spsi_slabs *slabs,
-                                              const spsi_splatter *splatter, spsi_sample_pattern pattern,
-                                              spsi_sampler *sampler) {
+                                              const spsi_splatter *splatter, int sheets, spsi_sampler *sampler) {
     const spsi_pyramid *fields = frame->content->fields;
     const float chosen = frame->content->levels[lattice->medium];
     const int levels = spsi_levels_wanted(frame, lattice->medium), wanted = (int)chosen;
-    const int most = pattern == SPSI_SAMPLER_SHEETS || chosen > 0 ? SPSI_SAMPLER_RAYS : 0, few = wanted > 0 ? 4 : 2;
+    const int most = sheets || chosen > 0 ? SPSI_SAMPLER_RAYS : 0, few = wanted > 0 ? 4 : 2;
     spsi_fill_choice verdict = SPSI_SPLAT_SMALL;
     if (!fields) return SPSI_SPLAT_ASKED;
     if (fields->levels[lattice->medium]->count == 0) return SPSI_SPLAT_SPREAD;
     if (wanted < 0) return SPSI_SPLAT_CHEAPER;
     if (spsi_medium_is_behind(&frame->media[lattice->medium], rays)) return SPSI_SPLAT_NEAR;
-    for (int n = wanted > 0 && pattern == SPSI_SAMPLER_PIXELS; n * n <= most && verdict == SPSI_SPLAT_SMALL; ++n)
+    for (int n = wanted > 0 && !sheets; n * n <= most && verdict == SPSI_SPLAT_SMALL; ++n)
         verdict = spsi_sampler_try(frame, rays, slabs, splatter, wanted, n == 1 ? few : n * n + !n, sampler);
     for (int n = wanted; n <= levels && verdict == SPSI_SPLAT_SMALL; ++n)
         for (int count = n > 0 ? 4 : 2; count <= 4 && verdict == SPSI_SPLAT_SMALL; count += 2)
@@ -12418,8 +12399,7 @@ static void spsi_levels_extend(const spsi_frame *frame, const spsi_rays *rays, c
         if (follows > 0 && chooses) frame->content->levels[m] = frame->content->levels[m - follows];
         if (follows > 0) continue;
         if (!spsi_splatter_build(lattice, rays, slabs, 1, frame->accuracy.cut, &splatter)) continue; /* refused */
-        spsi_fill_choice verdict =
-            spsi_sampler_judge(frame, lattice, rays, slabs, &splatter, SPSI_SAMPLER_PIXELS, &sampler);
+        spsi_fill_choice verdict = spsi_sampler_judge(frame, lattice, rays, slabs, &splatter, 0, &sampler);
         if (verdict == SPSI_SPLAT_CHEAPER && chooses && sampler.level > 0) frame->content->levels[m] = -1;
         if (!spsi_gathers(verdict)) continue;
         if (chooses) sampler.mix = spsi_levels_mix(frame, m, &sampler);
@@ -12973,8 +12953,7 @@ static int spsi_target_judge(spsi_target *target, int i) {
     const float scale = target->kind < SPSI_TARGET_MAP || material->table ? 1 : material->extinction;
     const double cut = looks ? frame->accuracy.light_cut : frame->accuracy.cut;
     const int small_picture = target->kind >= SPSI_TARGET_MAP && frame->content->levels[i] > 0;
-    const spsi_sample_pattern pattern =
-        looks || small_picture || target->kind == SPSI_TARGET_SHEETS ? SPSI_SAMPLER_SHEETS : SPSI_SAMPLER_PIXELS;
+    const int sheets = looks || small_picture || target->kind == SPSI_TARGET_SHEETS;
     spsi_splatter *splatter = &target->splatters[i];
     if (!spsi_splatter_build(&frame->lattices[i], target->rays, target->slabs, scale, cut, splatter)) return 0;
     splatter->sign = target->crossing.sign;
@@ -12984,7 +12963,7 @@ static int spsi_target_judge(spsi_target *target, int i) {
     if (!keeps && spsi_target_follow(target, i)) return 1;
     if (!keeps) {
         target->verdicts[i] = spsi_sampler_judge(frame, &frame->lattices[i], target->rays, target->slabs, splatter,
-                                                 pattern, &target->samplers[i]);
+                                                 sheets, &target->samplers[i]);
         target->samplers[i].scale = scale;
         return 1;
     }
@@ -14083,7 +14062,6 @@ typedef struct spsi_filling {
     const spsi_occluders *occluders;
     spsi_band band;
     spsi_visit visit;
-    int pieces;     /* per span between interval ends: 1 without soft particles */
     float error;    /* compressed map: tolerance for soft pieces */
     float epsilon;  /* compressed map: tolerance left for compression */
     int has_sizes;  /* 1: item counts are known; nodes replace intervals where they fit */
@@ -14498,7 +14476,8 @@ typedef struct spsi_fitting {
 /* Lays out a worker's memory (NULL: only counts). Deep maps only sort. */
 static size_t spsi_fitting_lay_out(const spsi_filling *filling, float *memory, spsi_fitting *fitting) {
     const int sorts_only = filling->map->settings.technique == SPS_TMAP_DEEP;
-    const uint64_t most = filling->band.most, pieces = (uint64_t)filling->pieces;
+    const uint64_t most = filling->band.most; /* pieces: per span between interval ends */
+    const uint64_t pieces = filling->occluders->frame->particles.has_soft ? SPSI_SOFT_MOST : 1;
     const uint64_t curve = sorts_only ? 0 : SPSI_CURVE_NODES(most, pieces);
     const uint64_t nodes = (uint64_t)spsi_compressed_most((int)curve, filling->epsilon);
     const uint64_t intervals = sorts_only ? most / 2 : SPSI_CURVE_SCRATCH(most);
@@ -14603,7 +14582,6 @@ SPSI_COLD sps_result spsi_fill_fits(spsi_filling *filling) {
     const int has_soft = filling->occluders->frame->particles.has_soft;
     spsi_fitting fitting;
     if (spsi_fill_lists(filling)) return context->result;
-    filling->pieces = has_soft ? SPSI_SOFT_MOST : 1;
     filling->error = 0.25f * spsi_fmax(map->settings.epsilon, 0.25f * SPSI_SOFT_EPSILON);
     filling->epsilon = map->settings.epsilon * (has_soft ? 0.75f : 1); /* the rest is for soft pieces */
     /* error that bounds allow for */
@@ -15050,7 +15028,6 @@ SPSI_COLD spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     spsi_frame *frame = spsi_frame_build(map->context, &scene, NULL, 0);
     if (!frame) return NULL;
     frame->view = map->view;
-    frame->has_matrix = map->view.camera.world_to_clip != NULL;
     frame->viewer = SPS_OBJECT_TMAP_LIGHT;
     frame->content->eye = map->grid.rays[0];
     spsi_resolve_quality(frame);
@@ -16713,7 +16690,8 @@ SPSI_COLD int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, 
    Tables must not exceed the memory limit. Caches and region are ignored, so a scene always renders identically. */
 SPSI_COLD double spsi_bytes_without_tables(const sps_context *context, const spsi_frame *frame,
                                            const spsi_sweep *sheets) {
-    const double pixels = (double)(frame->eye.width + SPSI_TILE_WIDTH) * (frame->eye.height + SPSI_TILE_HEIGHT);
+    const spsi_rays *eye = &frame->content->eye;
+    const double pixels = (double)(eye->width + SPSI_TILE_WIDTH) * (eye->height + SPSI_TILE_HEIGHT);
     const double map = spsi_depth_map_size(frame), lights = frame->lights.shadow_count;
     const double triangles = (double)frame->meshes.triangle_count;
     double bytes = (double)spsi_worker_count(context) * 3e5 * (frame->matter.material_count + 1);
@@ -16744,16 +16722,12 @@ static int spsi_beams_serve(const spsi_frame *frame, spsi_sweep *sweep) {
     return i == sweep->light->point_count;
 }
 
-static int spsi_light_tables(const spsi_light *light) {
-    const int count = light->point_count;
-    return count < 32 ? spsi_imin(count, 5) : count < 64 ? 8 : SPSI_TABLES_MOST;
-}
 
 /* Sets the number of tables, within `room` bytes. One suffices for penumbrae narrower than half a texel; unknown
    widths count as wider. */
 static void spsi_light_table_count(const sps_context *context, const spsi_frame *frame, double *room,
                                    spsi_light *light) {
-    const int known = frame->meshes.triangle_count == 0 && frame->particles.set_count == 0;
+    const int known = frame->meshes.triangle_count == 0 && frame->particles.set_count == 0, count = light->point_count;
     spsi_rays rays[SPSI_CUBE_FACES];
     spsi_sweep sweep;
     size_t held, filling;
@@ -16761,7 +16735,8 @@ static void spsi_light_table_count(const sps_context *context, const spsi_frame 
     spsi_sweep_clear(frame, light, 0, &sweep);
     if (!light->extent.exists || !light->has_map || !spsi_light_rays(frame, light, rays)) return;
     sweep.rays = rays[0];
-    light->tables = known && spsi_penumbra_texels(frame, &sweep) < 0.5 ? 1 : spsi_light_tables(light);
+    light->tables = count < 32 ? spsi_imin(count, 5) : count < 64 ? 8 : SPSI_TABLES_MOST;
+    if (known && spsi_penumbra_texels(frame, &sweep) < 0.5) light->tables = 1;
     for (; light->tables > 1; light->tables /= 2) {
         spsi_light_tmap_bytes(frame, light, &held, &filling);
         sum = light->tables * (double)held + (double)filling;
@@ -19150,10 +19125,6 @@ static sps_result spsi_flights_build(sps_context *context, spsi_tree_item *items
     tree.nodes = SPSI_RESERVE(context, SPSI_BUFFER_FLIGHT_TREE, nodes, spsi_tree_node);
     if (!tree.nodes || spsi_tree_build(context, &tree, items)) return context->result;
     if (tree.count > 0) spsi_flights_sum(&tree, flights, 0);
-    for (int k = 0; k < 3 && tree.count > 0; ++k) {
-        flights->bounds.low[k] = flights->centre[k] + (double)tree.nodes->low[k];
-        flights->bounds.high[k] = flights->centre[k] + (double)tree.nodes->high[k];
-    }
     return SPS_OK;
 }
 
@@ -20733,7 +20704,6 @@ SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, co
     context->stats.seconds_shadow_rays += spsi_clock(context) - start;
 }
 
-/* A light's shadow; NULL: another sweep's, or none. */
 
 /* Transmittance from a light to surfaces, or from these to the eye (`light`, `to`: NULL). Phase functions' peaks count
    as transmitted, unless patches send them to surfaces outside the cells. */
@@ -21151,7 +21121,7 @@ static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) 
     if (shader->sweep->first && frame->content->cells) spsi_surfaces_add_scattered(shader, NULL, list);
     for (int i = 0; i < frame->lights.count; ++i) {
         const spsi_light *light = &frame->lights.list[i];
-        const spsi_shadow *shadow = NULL;
+        const spsi_shadow *shadow = NULL; /* another sweep's, or none */
         for (int k = 0; k < shader->shadow_count && !shadow; ++k)
             if (shader->shadows[k].light == light) shadow = &shader->shadows[k];
         if (shadow && shadow->spread) spsi_surfaces_add_scattered(shader, shadow, list);
@@ -21819,13 +21789,6 @@ static void spsi_cell_sample_at(const spsi_material *material, spsi_v sum, const
     }
 }
 
-/* Returns the tile's number of slabs; 0: empty. */
-static int spsi_sampling_tile(const spsi_sampling *sheets, int index, int worker, spsi_tile *tile) {
-    const int column = index % sheets->target.columns, row = index / sheets->target.columns;
-    spsi_tile_place(&sheets->target, column, row, worker, tile);
-    if (!spsi_tile_splat(&sheets->target, &sheets->contents, column, row, tile)) return 0;
-    return spsi_imin(SPSI_CHUNK, sheets->slabs.count - sheets->contents.first_slab);
-}
 
 static void spsi_sampling_visit(const spsi_sampling *sheets, const spsi_tile *tile, const spsi_sample_place *place) {
     const spsi_row_slabs slabs = spsi_row_slabs_at(&sheets->shader, place->x, place->y);
@@ -21852,6 +21815,14 @@ static void spsi_sampling_visit(const spsi_sampling *sheets, const spsi_tile *ti
         }
         sheets->sample_fn(sheets->data, place, m, &sample);
     }
+}
+
+/* Returns the tile's number of slabs; 0: empty. */
+static int spsi_sampling_tile(const spsi_sampling *sheets, int index, int worker, spsi_tile *tile) {
+    const int column = index % sheets->target.columns, row = index / sheets->target.columns;
+    spsi_tile_place(&sheets->target, column, row, worker, tile);
+    if (!spsi_tile_splat(&sheets->target, &sheets->contents, column, row, tile)) return 0;
+    return spsi_imin(SPSI_CHUNK, sheets->slabs.count - sheets->contents.first_slab);
 }
 
 SPSI_COLD void spsi_sampling_task(void *data, int index, int worker) {
@@ -21993,23 +21964,20 @@ SPSI_COLD void spsi_cells_map_light(int texels, const spsi_bounds *served, spsi_
     light->sliced = 0;
 }
 
-SPSI_COLD sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_light *light, const spsi_call_stage *part,
-                                    spsi_shadow_table *table) {
-    spsi_light coarse = *light;
-    spsi_cells_map_light(spsi_cell_texels(job->frame), &job->bounds, &coarse);
-    if (spsi_shadow_table_aim(job->context, job->frame, &coarse, table)) return job->context->result;
-    return spsi_shadow_table_fill(job->context, job->frame, &coarse, 1, part, table);
-}
-
-/* A light's own table, made for the sweeps, may already be filled. */
+/* A light's own table, made for the sweeps, may already be filled. Lights without one get a coarse one. */
 SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_light *light, const spsi_call_stage *part,
                                       spsi_shadow *shadow, spsi_shadow_table *table) {
     shadow->light = light;
     shadow->table = table;
     if (table->waits) return SPS_OK;
-    if (!spsi_has_shadow_table(light)) return spsi_cells_map(job, light, part, table);
-    if (!spsi_shadow_table_begin(job->context, job->frame, light, job->gas, table))
+    if (!spsi_has_shadow_table(light)) {
+        spsi_light coarse = *light;
+        spsi_cells_map_light(spsi_cell_texels(job->frame), &job->bounds, &coarse);
+        if (!spsi_shadow_table_aim(job->context, job->frame, &coarse, table))
+            spsi_shadow_table_fill(job->context, job->frame, &coarse, 1, part, table);
+    } else if (!spsi_shadow_table_begin(job->context, job->frame, light, job->gas, table)) {
         table->waits = !spsi_shadow_table_make(job->context, job->frame, light, part, table);
+    }
     return job->context->result;
 }
 
@@ -23482,12 +23450,12 @@ static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame,
     spsi_particles_fly(frame);
     spsi_volumes_fly(context, frame, grids->edge);
     if (!held && spsi_cells_make(context, frame, faces, &groups, part, grids, flights)) return context->result;
-    for (int n = 0; n < count && !held; ++n)
-        context->stats.cells += (uint64_t)grids[n].size[0] * (uint64_t)grids[n].size[1] * (uint64_t)grids[n].size[2];
     if (!held) spsi_cells_share_scale(grids, count);
     context->cells_cached = key;
     for (int n = 0; n < count; ++n) {
+        const uint64_t cells = (uint64_t)grids[n].size[0] * (uint64_t)grids[n].size[1] * (uint64_t)grids[n].size[2];
         spsi_cell_viewer look = {frame, &grids[n]};
+        context->stats.cells += held ? 0 : cells;
         for (int m = 0; m < frame->matter.material_count; ++m)
             grids[n].swept[m] = (1 - flights->to_cells) * (1 - frame->content->flies[m]);
         spsi_parallel_items(context, grids[n].size[1] * grids[n].size[2], spsi_cells_viewer_task, &look);
@@ -25098,6 +25066,7 @@ SPSI_COLD sps_result spsi_plan_pyramids(sps_context *context, const spsi_frame *
 SPSI_COLD void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     const uint64_t whole = SPSI_BRICK * SPSI_BRICK * SPSI_BRICK;
     const uint64_t segments = reading->voxels_kept / (SPSI_SEGMENT - whole + 1) + 1;
+    spsi_particle_lists lists;
     int at_once = 0;
     for (int i = 0; i < frame->medium_count && !reading->held; ++i) /* even if no block is relevant */
         at_once = spsi_imax(at_once, spsi_blocks_at_once(context, &frame->media[i]));
@@ -25106,9 +25075,7 @@ SPSI_COLD void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *fr
         spsi_reserve(context, SPSI_BUFFER_SEGMENTS, (size_t)segments, sizeof(spsi_segment) + 3 * sizeof(void *));
         spsi_reserve(context, SPSI_BUFFER_BRICKS, (size_t)reading->bricks + 2, 3 * sizeof(spsi_brick));
     }
-    spsi_reserve(context, SPSI_BUFFER_PARTICLES, frame->particles.count, sizeof(spsi_particle));
-    spsi_reserve(context, SPSI_BUFFER_PARTICLE_ALBEDOS, spsi_albedo_count(frame), sizeof(float[3]));
-    spsi_reserve(context, SPSI_BUFFER_PARTICLE_BATCH, spsi_batch_count(frame), sizeof(sps_particle));
+    if (frame->particles.set_count > 0) spsi_particles_reserve(context, frame, &lists);
     if (spsi_pyramids_wanted(frame)) spsi_pyramids_count(context, frame, reading->bricks_of);
 }
 
@@ -26338,7 +26305,7 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
     memset(&plain, 0, sizeof plain); /* not classified: blocks without margins */
     if (spsi_reader_open(context, &frame->media[medium], &plain, 0, &job.reader)) return context->result;
     job.values = grid->values;
-    job.reader.replace = frame->given.replace_invalid;
+    job.reader.walk.replace = frame->given.replace_invalid;
     while (job.reader.walk.next < job.reader.walk.end)
         if (spsi_reader_next(context, &job.reader, spsi_dense_task, &job)) return context->result;
     for (int z = 0; z < grid->size[2]; spsi_tick(context, 0), ++z)

@@ -12828,7 +12828,6 @@ typedef struct spsi_target {
     spsi_fill_choice verdicts[SPSI_VOLUMES_MAX]; /* gathered volumes use `samplers` */
     spsi_sampler samplers[SPSI_VOLUMES_MAX];
     spsi_crop crops[SPSI_VOLUMES_MAX];
-    int set_channels[SPSI_SETS_MAX];
     spsi_target_kind kind;
     spsi_splatter splatters[SPSI_VOLUMES_MAX];
     spsi_sphere_setup crossing;
@@ -12913,8 +12912,6 @@ SPSI_COLD void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays,
     target->rows = spsi_tile_rows(rays);
     target->tolerance = kind == SPSI_TARGET_EYE ? frame->view.tolerance : 0;
     spsi_sphere_setup_build(rays, slabs, backwards, &target->crossing);
-    for (int i = 0; i < frame->particles.set_count; ++i)
-        target->set_channels[i] = kind < SPSI_TARGET_MAP ? frame->particles.sets[i].channel : 0;
     for (int i = 0; i < frame->medium_count; ++i) {
         target->channels[i] = -1;
         target->verdicts[i] = SPSI_SPLAT_ASKED;
@@ -13240,13 +13237,12 @@ static void spsi_projected_sphere_task(void *data, int i) {
         spsi_prefetch(&particles[contents->particles.present[ahead]], sizeof *particles);
     for (int n = 0; n < contents->target_count; ++n) {
         const spsi_target *target = contents->targets[n];
+        const int looks = target->kind < SPSI_TARGET_MAP; /* lights' sheets hold all gas in one channel */
+        const double coarse = target->rays == &frame->content->eye ? SPSI_SPHERE_COARSE : SPSI_SPHERE_COARSE_LIGHT;
         spsi_projected_sphere *projected = &target->particles.projected[i];
-        spsi_projected_sphere_build(
-            &target->crossing, set, &particles[particle], target->set_channels[set - frame->particles.sets],
-            contents->first_slab, target->rays == &frame->content->eye ? SPSI_SPHERE_COARSE : SPSI_SPHERE_COARSE_LIGHT,
-            projected);
-        projected->albedo =
-            target->kind < SPSI_TARGET_MAP && set->given.has_albedos ? frame->content->albedos[particle] : NULL;
+        spsi_projected_sphere_build(&target->crossing, set, &particles[particle], looks ? set->channel : 0,
+                                    contents->first_slab, coarse, projected);
+        projected->albedo = looks && set->given.has_albedos ? frame->content->albedos[particle] : NULL;
         target->particles.places[i] = spsi_list_place(target, &projected->sphere);
     }
 }
@@ -14833,13 +14829,12 @@ SPSI_COLD size_t spsi_tmap_bytes(const sps_tmap *map) {
 SPSI_COLD sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
     const size_t texels = spsi_light_grid_texels(&map->grid);
     spsi_buffer *known = map->technique->lists ? &map->data.starts : &map->data.texels;
-    float *surfaces = NULL;
     if (map->table) return SPS_OK;
     if (!spsi_buffer_reserve(map->context, known, spsi_tmap_known_items(map), sizeof(float)))
         return map->context->result;
     if (map->technique->lists) memset(known->data, 0, (texels + 1) * sizeof(uint32_t));
     if (!has_surfaces) return SPS_OK;
-    surfaces = (float *)spsi_buffer_reserve(map->context, &map->data.surfaces, texels, sizeof(float));
+    float *surfaces = (float *)spsi_buffer_reserve(map->context, &map->data.surfaces, texels, sizeof(float));
     for (size_t i = 0; i < texels && surfaces; ++i) surfaces[i] = SPSI_NO_SURFACE;
     return map->context->result;
 }
@@ -14933,15 +14928,6 @@ SPSI_COLD sps_result spsi_tmap_resolve(sps_tmap *map) {
     return spsi_check_map_budget(map->context, -1, budget, (double)spsi_tmap_bytes(map));
 }
 
-SPSI_COLD sps_result spsi_tmap_take_planes(sps_tmap *map) {
-    const size_t count = (size_t)spsi_settings_planes(&map->settings);
-    if (count == 0) return SPS_OK;
-    float *planes = (float *)spsi_buffer_reserve(map->context, &map->planes, count, sizeof(float));
-    if (!planes) return map->context->result;
-    memcpy(planes, map->settings.planes, count * sizeof *planes);
-    map->settings.planes = map->inner.planes = planes;
-    return SPS_OK;
-}
 
 SPSI_COLD sps_result spsi_tmap_aim(sps_tmap *map) {
     map->grid.rays[0].width = map->view.width;
@@ -14982,7 +14968,13 @@ SPSI_COLD sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light,
         memcpy(map->matrix, light->camera.world_to_clip, sizeof map->matrix);
         map->view.camera.world_to_clip = map->matrix;
     }
-    return spsi_tmap_aim(map) || spsi_tmap_resolve(map) ? map->context->result : spsi_tmap_take_planes(map);
+    if (spsi_tmap_aim(map) || spsi_tmap_resolve(map) || !map->settings.planes) return map->context->result;
+    const size_t count = (size_t)spsi_settings_planes(&map->settings);
+    float *planes = (float *)spsi_buffer_reserve(map->context, &map->planes, count, sizeof(float));
+    if (!planes) return map->context->result;
+    memcpy(planes, map->settings.planes, count * sizeof *planes);
+    map->settings.planes = map->inner.planes = planes;
+    return SPS_OK;
 }
 
 /* Adds everything or nothing, so that failed calls can be repeated. */
@@ -17948,10 +17940,6 @@ static void spsi_cells_extrapolate_task(void *data, int row) {
 
 /* Floats of all patches: geometry; per channel, flux and harmonics; likewise for single scattering, per light and phase
    function. */
-SPSI_COLD size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
-    const int sets = 1 + grid->light_count * grid->peak_count;
-    return (size_t)((SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * sets * grid->channels) * SPSI_CELL_SHEET);
-}
 
 /* A channel's flux and harmonics. */
 static float *spsi_cell_patches_sent(const spsi_cell_grid *grid, int channel) {
@@ -19904,10 +19892,6 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         for (int c = 0; c < 3; ++c) sample->color[c] = appearance[c];
         if (!crop->exists) slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
     }
-    if (shader->frame->has_gradients && material->shading == SPS_SHADING_SURFACE &&
-        shader->frame->content->fields->levels[material->medium]->count > 0)
-        spsi_samples_gradient(shader, &target->samplers[material->medium], p, channel, slab);
-    if (crop->exists) spsi_samples_crop(shader, crop, p, channel, slab);
 }
 
 /* Blinn-Phong highlight (n+8)/(8 pi) (N.H)^n, nearly normalised: at most 7.5 % too bright, at normal incidence and n =
@@ -21321,18 +21305,21 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
     }
     slab->depth = zero;
     for (int i = 0; i < slab->part_count; ++i) slab->part_depth[i] = zero;
-    for (int m = 0; m < count; ++m)
-        if (shader->frame->matter.materials[m].table)
-            spsi_samples_classified(shader, tile, p, m, slab);
-        else
-            spsi_samples_gas(&shader->frame->matter.materials[m], slab->samples[m].value_length, m, slab);
     for (int m = 0; m < count; ++m) {
         const spsi_material *material = &shader->frame->matter.materials[m];
-        if (material->colored > 0) spsi_samples_color(material, m, slab);
-        if (shader->frame->has_gradients && !material->table && material->shading == SPS_SHADING_SURFACE &&
+        const spsi_crop *crop = &shader->target->crops[material->medium];
+        if (material->table)
+            spsi_samples_classified(shader, tile, p, m, slab);
+        else
+            spsi_samples_gas(material, slab->samples[m].value_length, m, slab);
+        if (shader->frame->has_gradients && material->shading == SPS_SHADING_SURFACE &&
             shader->frame->content->fields->levels[material->medium]->count > 0)
             spsi_samples_gradient(shader, &shader->target->samplers[material->medium], p, m, slab);
+        if (material->table && crop->exists) spsi_samples_crop(shader, crop, p, m, slab);
     }
+    for (int m = 0; m < count; ++m)
+        if (shader->frame->matter.materials[m].colored > 0)
+            spsi_samples_color(&shader->frame->matter.materials[m], m, slab);
     SPSI_ROLLED for (int i = 0; i < slab->part_count; ++i) slab->depth = spsi_add(slab->depth, slab->part_depth[i]);
     if (!shader->frame->matter.emits && !spsi_bits(spsi_less(zero, slab->depth)))
         return 0; /* values without extinction */
@@ -21557,8 +21544,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
         spsi_pending_look(shader, lane, &row.ahead);
     }
     spsi_pending_measure(shader, &row.pixels, &row.ahead);
-    for (int bits = spsi_pending_before(&row.ahead, shading->low); bits;
-         bits = spsi_pending_before(&row.ahead, shading->low)) {
+    for (int bits; (bits = spsi_pending_before(&row.ahead, shading->low)) != 0;) {
         for (int lane = 0; bits >> lane; ++lane)
             if (bits >> lane & 1) spsi_pending_pass(shader, lane, &row.ahead);
         spsi_pending_measure(shader, &row.pixels, &row.ahead);
@@ -23154,7 +23140,9 @@ static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *gr
     grid->scale = spsi_lay(memory, &laid, 3);
     grid->thick = spsi_lay(memory, &laid, 3);
     grid->flux = spsi_lay(memory, &laid, each * (size_t)grid->flux_terms);
-    grid->patches = spsi_lay(memory, &laid, grid->flux_terms > 0 ? spsi_cell_patch_floats(grid) : 0);
+    const int sets = (1 + grid->light_count * grid->peak_count) * grid->channels;
+    const int patches = grid->flux_terms > 0 ? SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * sets : 0;
+    grid->patches = spsi_lay(memory, &laid, (size_t)(patches * SPSI_CELL_SHEET));
     grid->flown = flies_to_cells ? spsi_lay(memory, &laid, moments) : NULL;
     grid->trapped = flies_to_cells ? spsi_lay(memory, &laid, 2 * each) : NULL;
     grid->pyramid_rows = 0;
@@ -25079,15 +25067,6 @@ SPSI_COLD void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *fr
     if (spsi_pyramids_wanted(frame)) spsi_pyramids_count(context, frame, reading->bricks_of);
 }
 
-/* Doubles chunks, since reading may change slabs. */
-static void spsi_plan_contents_bytes(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
-                                     uint64_t bricks) {
-    const int particles = frame->content->particle_count, chunks = 2 * spsi_chunk_count(slabs) + 1;
-    spsi_contents contents;
-    spsi_reserve(context, SPSI_BUFFER_BRICK_BOXES, (size_t)bricks, 2 * sizeof(int16_t[4]));
-    spsi_queue_reserve(context, SPSI_BUFFER_BRICK_QUEUE, (int)bricks, chunks, &contents.bricks);
-    if (particles > 0) spsi_queue_reserve(context, SPSI_BUFFER_PARTICLE_QUEUE, particles, chunks, &contents.particles);
-}
 
 /* Counts penumbrae that may turn out sharp, too. Until voxels are read, beams count as twice as wide as sheets. */
 SPSI_COLD sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
@@ -25180,7 +25159,9 @@ SPSI_COLD sps_result spsi_plan_sweep(sps_context *context, const spsi_frame *fra
     const size_t particles = (size_t)frame->content->particle_count;
     const spsi_rays *eye = &frame->content->eye;
     const spsi_shape shape = spsi_shape_of(frame, 1); /* light targets have no more channels */
+    const int chunks = 2 * spsi_chunk_count(&sweep->slabs) + 1; /* doubled: reading may change slabs */
     spsi_rays rays = sweep->rays;
+    spsi_queue queue;
     spsi_lists lists;
     if (!reading->known) rays.width = rays.height = spsi_imax(rays.width, rays.height); /* the aspect may change */
     run->shader.frame = frame;
@@ -25190,7 +25171,9 @@ SPSI_COLD sps_result spsi_plan_sweep(sps_context *context, const spsi_frame *fra
     spsi_run_region(context, run);
     spsi_run_scratch(context, run);
     spsi_begin_total(context, frame);
-    spsi_plan_contents_bytes(context, frame, &sweep->slabs, reading->bricks);
+    spsi_reserve(context, SPSI_BUFFER_BRICK_BOXES, (size_t)reading->bricks, 2 * sizeof(int16_t[4]));
+    spsi_queue_reserve(context, SPSI_BUFFER_BRICK_QUEUE, (int)reading->bricks, chunks, &queue);
+    if (particles > 0) spsi_queue_reserve(context, SPSI_BUFFER_PARTICLE_QUEUE, (int)particles, chunks, &queue);
     spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)run->shader.shadow_count, sizeof(spsi_shadow));
     spsi_reserve(context, SPSI_BUFFER_SHEETS, (size_t)spsi_worker_count(context),
                  spsi_sheet_tiles(frame) * spsi_shape_floats(&shape) * sizeof(float) + 7 * sizeof(uint64_t));

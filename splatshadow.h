@@ -10139,12 +10139,11 @@ SPSI_COLD int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *
     splatter->near_depth = rays->perspective ? (float)(SPSI_NEAR_REACHES * cut * sqrt(covariance[2][2])) : -FLT_MAX;
     splatter->depth_reference = (float)rays->depth_reference;
     splatter->eye_near = spsi_rays_begin(rays);
-    { /* product of the widest footprint's variances, in pixels^4 */
-        const double nearest = rays->perspective ? (double)splatter->near_depth : 1;
-        const double widest = covariance[0][0] * covariance[1][1] / (nearest * nearest * nearest * nearest);
-        return widest < 1e36 && weight < (double)FLT_MAX && splatter->near_case.weight <= FLT_MAX &&
-               splatter->near_depth <= FLT_MAX && splatter->near_case.unit >= FLT_MIN;
-    }
+    /* product of the widest footprint's variances, in pixels^4 */
+    const double nearest = rays->perspective ? (double)splatter->near_depth : 1;
+    const double widest = covariance[0][0] * covariance[1][1] / (nearest * nearest * nearest * nearest);
+    return widest < 1e36 && weight < (double)FLT_MAX && splatter->near_case.weight <= FLT_MAX &&
+           splatter->near_depth <= FLT_MAX && splatter->near_case.unit >= FLT_MIN;
 }
 
 /* Slope of `alone` over the filter's added variance; `alone` is 1 for voxels up to 0.5 pixels, 0 from 0.7 on.
@@ -10192,20 +10191,19 @@ static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v
     spsi_store(out->mean_x, mean_x);
     spsi_store(out->mean_y, mean_y);
     spsi_store(out->per_depth, per_depth);
-    { /* a plane's t changes by -(s.a) / (s.w) per pixel, times t in perspective */
-        const spsi_v crossing =
-            spsi_fma(px, spsi_set(s->slab_x), spsi_fma(py, spsi_set(s->slab_y), spsi_set(s->slab_t)));
-        const spsi_v per_crossing = spsi_div(spsi_set(s->sign), crossing);
-        const spsi_v tilt = spsi_mul(per_crossing, s->perspective ? t : one);
-        const spsi_v signed_depth = spsi_mul(per_depth, spsi_set(s->sign));
-        slope_x = spsi_sub(spsi_set(0),
-                           spsi_fma(spsi_mul(tilt, spsi_set(s->slab_x)), per_depth, spsi_mul(mean_x, signed_depth)));
-        spsi_store(out->slope_x, slope_x);
-        spsi_store(out->slope_y, spsi_sub(spsi_set(0), spsi_fma(spsi_mul(tilt, spsi_set(s->slab_y)), per_depth,
-                                                                spsi_mul(mean_y, signed_depth))));
-        spsi_store(out->per_slab, spsi_mul(per_depth, per_crossing));
-        spsi_store(out->slabs, spsi_div(one, spsi_mul(per_depth, per_crossing)));
-    }
+    /* a plane's t changes by -(s.a) / (s.w) per pixel, times t in perspective */
+    const spsi_v crossing =
+        spsi_fma(px, spsi_set(s->slab_x), spsi_fma(py, spsi_set(s->slab_y), spsi_set(s->slab_t)));
+    const spsi_v per_crossing = spsi_div(spsi_set(s->sign), crossing);
+    const spsi_v tilt = spsi_mul(per_crossing, s->perspective ? t : one);
+    const spsi_v signed_depth = spsi_mul(per_depth, spsi_set(s->sign));
+    slope_x = spsi_sub(spsi_set(0),
+                       spsi_fma(spsi_mul(tilt, spsi_set(s->slab_x)), per_depth, spsi_mul(mean_x, signed_depth)));
+    spsi_store(out->slope_x, slope_x);
+    spsi_store(out->slope_y, spsi_sub(spsi_set(0), spsi_fma(spsi_mul(tilt, spsi_set(s->slab_y)), per_depth,
+                                                            spsi_mul(mean_y, signed_depth))));
+    spsi_store(out->per_slab, spsi_mul(per_depth, per_crossing));
+    spsi_store(out->slabs, spsi_div(one, spsi_mul(per_depth, per_crossing)));
     spsi_store(out->spread, spsi_sqrt(spsi_add(spsi_div(spsi_mul(slope_x, slope_x), across),
                                                spsi_set((float)(1 / (SPSI_CUT * SPSI_CUT))))));
 }
@@ -17938,10 +17936,8 @@ static void spsi_cells_extrapolate_task(void *data, int row) {
 #define SPSI_CELL_AIM 0.6f /* outgoing light originates at this fraction of its path */
 #define SPSI_CELL_PLACES 6 /* floats of geometry: centre relative to the grid's corner, area, widths */
 
-/* Floats of all patches: geometry; per channel, flux and harmonics; likewise for single scattering, per light and phase
-   function. */
-
-/* A channel's flux and harmonics. */
+/* A channel's flux and harmonics. Patches hold geometry, these per channel, then those of single scattering, per light
+   and phase function. */
 static float *spsi_cell_patches_sent(const spsi_cell_grid *grid, int channel) {
     return grid->patches + (SPSI_CELL_PLACES + (1 + SPSI_CELL_TERMS) * channel) * SPSI_CELL_SHEET;
 }

@@ -618,7 +618,7 @@ typedef struct sps_scene {
     /* Instead of `background`: radiance along unit directions (packed triples), one row of pixels per call. */
     int (*background_fn)(void *user, size_t count, const float *directions, float *out_rgb);
     void *background_user;
-    /* 1: invalid values of volumes, particles and projectors become 0 and are counted. */
+    /* 1: invalid values of volumes and projectors become 0, and invalid particles are ignored; both are counted. */
     int replace_invalid;
     const sps_particles *particles;
     int particle_set_count; /* sets of particles, up to 64 that are not empty */
@@ -831,7 +831,7 @@ typedef struct sps_plan_report {
     sps_budget_report budget;
     /* Upper bound on the context's memory during sps_render, with image.depth and cached data. It excludes layers of
        pixels and texels, and lists of maps, which may be several times as much. At most twice the actual use if volumes
-       are cached, except when no triangle meets a light's depth map or scattered light is cached. */
+       are cached and whole, except when no triangle meets a light's depth map or scattered light is cached. */
     size_t bytes;
 } sps_plan_report;
 
@@ -3887,7 +3887,9 @@ typedef struct spsi_lattice {
     int medium;
     spsi_crop_kind cropped;
     double crop[2][3]; /* low and high faces, in voxels */
-    int room;          /* minimum of voxels read beyond a face */
+    double whole[2][3]; /* the same of all bricks that touch one another */
+    int first;          /* the first medium among these bricks */
+    int room;           /* minimum of voxels read beyond a face */
     double corner[3];  /* world corner of voxel (0,0,0) */
     double step[3][3]; /* voxel edges in world space */
     double voxel_volume;
@@ -4234,12 +4236,6 @@ SPSI_COLD void spsi_bounds_join(spsi_bounds *bounds, const spsi_bounds *other) {
         if (other->low[i] < bounds->low[i]) bounds->low[i] = other->low[i];
         if (other->high[i] > bounds->high[i]) bounds->high[i] = other->high[i];
     }
-}
-
-SPSI_COLD int spsi_bounds_meet(const spsi_bounds *a, const spsi_bounds *b) {
-    int meet = 1;
-    for (int k = 0; k < 3; ++k) meet &= a->low[k] <= b->high[k] && b->low[k] <= a->high[k];
-    return meet;
 }
 
 SPSI_COLD void spsi_bounds_corner(const spsi_bounds *bounds, int corner, double point[3]) {
@@ -4889,6 +4885,7 @@ SPSI_COLD void spsi_medium_build(const sps_volume *volume, int index, spsi_latti
         medium->lattice->crop[0][k] = crop[k];
         medium->lattice->crop[1][k] = crop[3 + k];
     }
+    memcpy(medium->lattice->whole, medium->lattice->crop, sizeof medium->lattice->whole);
     medium->lattice->cropped = !cropped && volume->border == 0                ? SPSI_CROP_NONE
                                : volume->transfer && !volume->classify_voxels ? SPSI_CROP_CLASSIFIED
                                                                               : SPSI_CROP_GAS;
@@ -4980,7 +4977,7 @@ SPSI_COLD sps_result spsi_add_media(sps_context *context, spsi_frame *frame, con
                                    frame->given.volume_count,
                                    "at most 64 volumes may hold voxels; colors count as up to 6 more");
         spsi_medium_build(volume, index, &frame->lattices[frame->medium_count], medium);
-        medium->lattice->medium = frame->medium_count++;
+        medium->lattice->medium = medium->lattice->first = frame->medium_count++;
         medium->part = (kind == 0 ? SPSI_PART_VALUES : kind == 1 ? SPSI_PART_RED : SPSI_PART_GLOW_RED) + n;
         medium->follows = kind == 1 ? n + 1 : 0;
         medium->again = i > 0;
@@ -4994,6 +4991,42 @@ SPSI_COLD sps_result spsi_add_media(sps_context *context, spsi_frame *frame, con
         spsi_medium_bounds(medium, SPSI_REACH, &frame->content->bounds);
     }
     return SPS_OK;
+}
+
+/* The box of `other` in voxels of `lattice`, given the inverse of its steps. Returns 0 unless voxels are equal and the
+   boxes of the whole and of `other` touch. */
+static int spsi_lattice_meets(const spsi_lattice *lattice, double rows[3][3], const spsi_lattice *other,
+                              double box[2][3]) {
+    double apart[3];
+    int meets = 1;
+    spsi_along(other->corner, lattice->corner, -1, apart);
+    for (int k = 0; k < 3; ++k) {
+        double turn[3];
+        spsi_along(other->step[k], lattice->step[k], -1, turn);
+        meets &= spsi_dot(turn, turn) < 1e-8 * spsi_dot(lattice->step[k], lattice->step[k]);
+        for (int n = 0; n < 2; ++n) box[n][k] = other->crop[n][k] + spsi_dot(rows[k], apart);
+        meets &= box[0][k] < lattice->whole[1][k] + 0.5 && box[1][k] > lattice->whole[0][k] - 0.5;
+    }
+    return meets;
+}
+
+/* Finds bricks (border > 0) of one whole: what depends on a volume's box is chosen alike for all of them. */
+SPSI_COLD void spsi_bricks_find(const spsi_frame *frame, spsi_lattice *lattice) {
+    double rows[3][3], box[2][3];
+    if (!spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows)) return;
+    for (int widened = 1; widened;) {
+        widened = 0;
+        for (int m = 0; m < frame->medium_count; ++m) {
+            const spsi_lattice *other = frame->media[m].lattice;
+            if (frame->media[m].given.border == 0 || !spsi_lattice_meets(lattice, rows, other, box)) continue;
+            lattice->first = spsi_imin(lattice->first, m);
+            for (int k = 0; k < 3; ++k) {
+                widened |= box[0][k] < lattice->whole[0][k] - 0.5 || box[1][k] > lattice->whole[1][k] + 0.5;
+                lattice->whole[0][k] = spsi_dmin(lattice->whole[0][k], box[0][k]);
+                lattice->whole[1][k] = spsi_dmax(lattice->whole[1][k], box[1][k]);
+            }
+        }
+    }
 }
 
 SPSI_COLD sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
@@ -5017,6 +5050,8 @@ SPSI_COLD sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *fram
             spsi_add_media(context, frame, &scene->volumes[i], i, &parts))
             return context->result;
     }
+    for (int m = 0; m < frame->medium_count; ++m)
+        if (frame->media[m].given.border > 0) spsi_bricks_find(frame, frame->media[m].lattice);
     return SPS_OK;
 }
 
@@ -12238,7 +12273,8 @@ SPSI_COLD void spsi_sampler_point(const spsi_sampler *sampler, const spsi_lattic
     double at[3], point[3];
     for (int k = 0; k < 3; ++k) {
         const double share = corner == 8 ? 0.5 : corner >> k & 1;
-        at[k] = SPSI_BRICK * (field->low[k] + share * field->size[k]) + 0.5;
+        at[k] = lattice->room > 0 ? lattice->whole[0][k] + share * (lattice->whole[1][k] - lattice->whole[0][k])
+                                  : SPSI_BRICK * (field->low[k] + share * field->size[k]) + 0.5;
     }
     spsi_voxel_position(lattice, at, point);
     spsi_point_to_rays(rays, point, q);
@@ -18652,7 +18688,7 @@ static void spsi_particles_fly(const spsi_frame *frame) {
 }
 
 /* Fraction of a volume's emission that first flights always carry. It rises to 1 at optical depth 0.5, and falls to 0
-   between widths of 6 and 12 cells. Bricks (border > 0) that touch are as wide as their union. */
+   between widths of 6 and 12 cells. Bricks are as wide as their whole. */
 static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame, double edge) {
     const spsi_brick *b = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     float top[SPSI_VOLUMES_MAX] = {0};
@@ -18667,11 +18703,8 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
     for (int i = 0; i < frame->medium_count && spsi_cells_fly(frame); ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
         spsi_bounds all = bounds[i];
-        for (int n = 0; n < frame->medium_count * frame->medium_count; ++n) { /* chains in any order */
-            const int other = n % frame->medium_count;
-            const int brick = frame->media[i].given.border > 0 && frame->media[other].given.border > 0;
-            if (brick && spsi_bounds_meet(&all, &bounds[other])) spsi_bounds_join(&all, &bounds[other]);
-        }
+        for (int m = 0; m < frame->medium_count; ++m)
+            if (frame->lattices[m].first == frame->lattices[i].first) spsi_bounds_join(&all, &bounds[m]);
         const double width = spsi_bounds_longest(&all);
         const double dense = spsi_dmin(2 * width * (double)top[i] * (double)material->extinction, 1);
         if (top[i] > 0 && material->emits && !spsi_material_varies(material))
@@ -24915,11 +24948,16 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
     if (spsi_has_budget(&frame->view) && spsi_budget_take(context, frame)) return context->result;
     if (spsi_pyramids_place(context, frame)) return context->result;
     spsi_levels_choose(frame);
-    /* Warns of narrow borders, once for each volume. */
+    /* Warns of narrow borders, once for each volume; not where a crop is narrow. */
     for (int m = 0; m < frame->medium_count; ++m) {
         const spsi_medium *medium = &frame->media[m];
-        const int border = medium->given.border, room = medium->lattice->room;
-        int needed = spsi_border_needed(frame, m);
+        const int border = medium->given.border;
+        int needed = spsi_border_needed(frame, m), room = SPSI_BORDER_MAX;
+        for (int k = 0; k < 3; ++k) {
+            const int high = medium->high[k], ends = high == medium->given.size[k] + border;
+            if (medium->low[k] == -border) room = spsi_imin(room, (int)medium->lattice->crop[0][k] + border);
+            if (ends) room = spsi_imin(room, high - (int)medium->lattice->crop[1][k]);
+        }
         char text[128];
         while (m + 1 < frame->medium_count && frame->media[m + 1].again)
             needed = spsi_imax(needed, spsi_border_needed(frame, ++m));

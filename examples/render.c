@@ -382,6 +382,9 @@ static void name_subject(const arguments *all, const sps_error_info *why, char *
         const int by_header = ex_volume_format_of(volume->file) && !has(volume->given, "--box");
         option = strncmp(why->field, "placement", 9) == 0 && !by_header ? "--box of" : "--volume";
         given = volume->file;
+        if (strcmp(why->field, "appearance_fn's albedo") == 0) option = "--albedo-volume", given = volume->albedo_file;
+        if (strcmp(why->field, "appearance_fn's emission") == 0)
+            option = "--emission-volume", given = volume->emission_file;
     }
     if (!option && why->object == SPS_OBJECT_MESH && i < all->mesh_count)
         option = "--mesh", given = all->meshes[i].file;
@@ -407,7 +410,8 @@ static int explain(const arguments *all, const ex_session *session, sps_result r
     name_subject(all, &why, subject, sizeof subject);
     if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_LIGHT)
         way_out = " (--shadow auto, --no-shadows and --reference have no such limit)";
-    if (result == SPS_ERROR_DATA && strcmp(why.field, "value") == 0) way_out = " (--replace-invalid makes it 0)";
+    if (result == SPS_ERROR_DATA && (strcmp(why.field, "value") == 0 || strncmp(why.field, "appearance_fn", 13) == 0))
+        way_out = " (--replace-invalid makes it 0)";
     if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_VIEW)
         way_out = strcmp(why.field, "scattering") == 0              ? " (--samples N, or --scattering single)"
                   : strcmp(why.field, "scattering_resolution") == 0 ? " (--scattering single has no such limit)"

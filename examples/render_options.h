@@ -432,7 +432,7 @@ static const option_rule options[] = {
     {"--type", "u8|i8|u16|i16|u32|i32|f32|f64|u64|i64|f16", "of a voxel; default: the header's, or u8, little endian", set_choice, OF_VOLUME(type), 1, 0, 0, ex_type_names},
     {"--range", "LOW,HIGH", "numbers in the file that become the values 0 and 1; what lies beyond counts as these", set_range, OF_VOLUME(range), 2, -LARGEST, LARGEST, NULL},
     {"--box", "x0,y0,z0,x1,y1,z1", "two opposite corners in the world; default: the header's, or 0,0,0,1,1,1", set_reals, OF_VOLUME(box), 6, COORDINATES},
-    {"--crop", "i0,j0,k0,i1,j1,k1", "faces between voxels that cut the volume; default: all of it", set_integers, OF_VOLUME(crop), 6, 0, 65536, NULL},
+    {"--crop", "i0,j0,k0,i1,j1,k1", "faces between voxels that cut the volume; all 0, the default: nothing is cut", set_integers, OF_VOLUME(crop), 6, 0, 65536, NULL},
     {"--grid", "NAME", "of a .vdb or .nvdb file, default density, else the first that can be read; or of an .npz", set_text, OF_VOLUME(grid_name), NO_NUMBERS},
     {"--fog", NULL, "reads a level set of such a file: 1 inside, 0 outside, linear across its band", set_flag, OF_VOLUME(fog), NO_NUMBERS},
     {"--extinction", "S", "per world unit at value 1; default 1; not with --transfer", set_reals, OF_VOLUME(extinction), 1, POSITIVE},
@@ -494,7 +494,7 @@ static const option_rule options[] = {
     {"--scattering", "auto|single|ambient|forward|convolution|multiple", "light in gas; auto, the default: single in thin gas, otherwise multiple", set_choice, OF_SCENE(scattering), 1, 0, 0, scattering_names},
     {"--scattering-resolution", "N", "cells along the gas for --scattering multiple, half the texels for convolution", set_integers, OF_SCENE(scattering_resolution), 1, 1, 256, NULL},
     {"--scattering-tolerance", "T", "share of light that may be left out by --scattering auto; default 0.01", set_reals, OF_SCENE(scattering_tolerance), 1, 0, 1, NULL},
-    {"--replace-invalid", NULL, "numbers that are NaN, below 0 or too large count as 0; otherwise they end the render", set_flag, OF_SCENE(replace_invalid), NO_NUMBERS},
+    {"--replace-invalid", NULL, "numbers that are NaN or too large count as 0; otherwise they end the render", set_flag, OF_SCENE(replace_invalid), NO_NUMBERS},
     {"--max-bytes", "N", "the most that a volume's file may take in memory, unpacked; default 4e9", set_reals, OF_SCENE(max_bytes), 1, 1, LARGEST, NULL},
     {"--threads", "N", "default one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
     {"--out", "FILE.png", "sRGB picture", set_text, OF_SCENE(out), NO_NUMBERS},
@@ -757,14 +757,14 @@ static int ends_with(const char *text, const char *ending) {
     return length >= part && strcasecmp(text + length - part, ending) == 0;
 }
 
-/* Options for such files say nothing about others; nor can options replace what such a file says itself. */
+/* Options for OpenVDB and NanoVDB files say nothing about others; nor can options replace what such a file says. */
 static int check_sparse(const volume_arguments *volume, int is_sparse, ex_error *error) {
     static const char *const own[] = {"--grid", "--fog"}, *const others[] = {"--size", "--type"};
     const int from = ends_with(volume->file, ".npz"); /* its arrays have names, too */
     for (int i = 0; i < 2; ++i) {
         if (!is_sparse && i >= from && has(volume->given, own[i]))
-            return ex_fail(error, "%s says nothing about %s, which is not an OpenVDB or NanoVDB file", own[i],
-                           volume->file);
+            return ex_fail(error, "%s says nothing about %s, which is not an OpenVDB%s file", own[i], volume->file,
+                           i ? " or NanoVDB" : ", NanoVDB or .npz");
         if (is_sparse && has(volume->given, others[i]))
             return ex_fail(error, "%s says nothing about %s: an OpenVDB or NanoVDB file has its own", others[i],
                            volume->file);
@@ -862,9 +862,9 @@ static int check_volumes(const arguments *all, ex_error *error) {
             if (volume->box[a] == volume->box[3 + a])
                 return ex_fail(error, "--box of %s: no extent along %c", volume->file, 'x' + a);
         for (int a = 0; a < 3 && has(volume->given, "--crop"); ++a)
-            if (volume->crop[a] >= volume->crop[3 + a] || volume->crop[3 + a] > volume->voxels.size[a])
-                return ex_fail(error, "--crop of %s: faces %d and %d along %c must rise within 0..%d", volume->file,
-                               volume->crop[a], volume->crop[3 + a], 'x' + a, volume->voxels.size[a]);
+            if (volume->crop[a] > volume->crop[3 + a] || volume->crop[3 + a] > volume->voxels.size[a])
+                return ex_fail(error, "--crop of %s: faces %d and %d along %c must not fall, within 0..%d",
+                               volume->file, volume->crop[a], volume->crop[3 + a], 'x' + a, volume->voxels.size[a]);
         if (check_temperature(volume, error) || check_appearance(volume, error)) return 1;
     }
     return 0;
@@ -889,6 +889,8 @@ static const char *find_input(const arguments *all, const char *path) {
         const volume_arguments *volume = &all->volumes[i];
         if (ex_same_file(path, volume->file) || ex_same_file(path, volume->voxels.path)) return "--volume";
         if (volume->transfer_file && ex_same_file(path, volume->transfer_file)) return "--transfer";
+        if (volume->albedo_file && ex_same_file(path, volume->albedo_file)) return "--albedo-volume";
+        if (volume->emission_file && ex_same_file(path, volume->emission_file)) return "--emission-volume";
     }
     for (int i = 0; i < all->mesh_count; ++i)
         if (ex_same_file(path, all->meshes[i].file)) return "--mesh";

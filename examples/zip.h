@@ -129,7 +129,7 @@ static inline int ex_zip_choose(const ex_zip *zip, const char *wanted, const cha
     if (count == 0) return ex_fail(zip->error, "%s: zip: there is no %s in it", zip->path, ending);
     if (!chosen) return ex_fail(zip->error, "%s: zip: '%s' is not in it; there are%s", zip->path, wanted, names);
     if (!wanted && count > 1)
-        return ex_fail(zip->error, "%s: zip: say which of its %d arrays to read:%s", zip->path, count, names);
+        return ex_fail(zip->error, "%s: zip: it has %d arrays instead of one:%s", zip->path, count, names);
     return 0;
 }
 

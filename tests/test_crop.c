@@ -190,7 +190,10 @@ static void set_pieces(check_scene *s, int pieces, int kind, int border, const s
 }
 
 static void set_view(check_scene *s, int view) {
-    if (view == 1) check_set3(s->view.camera.position, 2.5, 1.4, 3.2), check_perspective(&s->view.camera, 0.8);
+    if (view == 1) { /* pixels of a size for which single bricks would take other numbers of rays than the whole */
+        check_set3(s->view.camera.position, 2.5, 1.4, 3.2), check_perspective(&s->view.camera, 0.8);
+        s->view.width = s->view.height = 32;
+    }
     if (view == 2) s->view.width = s->view.height = 9; /* a level */
     if (view == 3) s->view.tolerance = 0.02f;
 }
@@ -236,6 +239,93 @@ static void test_pieces(void) {
             printf("    kind %d, view %d, way %d: %.1e, rms %.1e, of %.3f\n", kind, view, way, largest, rms,
                    check_mean(whole, 4 * SIDE * SIDE));
     }
+}
+
+/* A long box in bricks, seen along its axis: they take the same rays, although the first touches but one of the others,
+   which stands last. */
+static void test_row(void) {
+    enum { BRICKS = 4 };
+    static const int order[BRICKS] = {3, 0, 1, 2};
+    static const sps_placement box = {{-0.4, -0.4, -8}, {{0.8, 0, 0}, {0, 0.8, 0}, {0, 0, 8}}};
+    static float rgba[2][4 * SIDE * SIDE];
+    for (int n = 0; n < 2; ++n) {
+        sps_context *context = check_context(NULL);
+        check_scene s;
+        source unused;
+        start(&s, &unused, 0);
+        set_pieces(&s, 1, 0, B + 10, &box);
+        for (int i = 0; i < BRICKS && n; ++i) {
+            list[i] = list[0];
+            list[i].size[2] = N / BRICKS;
+            list[i].placement.origin[2] = -8 + 8.0 / BRICKS * order[i];
+            list[i].placement.axis[2][2] = 8.0 / BRICKS;
+            sources[i].origin[2] = N / BRICKS * order[i];
+            list[i].user = &sources[i];
+        }
+        s.scene.volume_count = n ? BRICKS : 1;
+        check_set3(s.view.camera.position, 0.3, 0.2, 4), check_perspective(&s.view.camera, 0.8);
+        check_add_directional(&s, 0.4, -1, -0.7, 3);
+        s.view.filling = SPS_FILLING_GATHER;
+        check_render(context, &s, rgba[n]);
+        sps_destroy(context);
+    }
+    if (getenv("CHECK_FIGURES")) printf("row %g\n", check_largest(rgba[0], rgba[1], 4 * SIDE * SIDE));
+    CHECK(check_largest(rgba[0], rgba[1], 4 * SIDE * SIDE) < 2e-5);
+}
+
+/* Even gas in two clumps, nothing between and beyond. */
+static int read_clumps(void *user, const int lo[3], const int size[3], float *out) {
+    const source *from = (const source *)user;
+    for (int i = 0; i < size[0] * size[1] * size[2]; ++i) {
+        const int x = from->origin[0] + lo[0] + i % size[0], y = from->origin[1] + lo[1] + i / size[0] % size[1];
+        const int z = from->origin[2] + lo[2] + i / size[0] / size[1];
+        const int end = (x >= 2 && x < 6) || (x >= N - 6 && x < N - 2);
+        *out++ = end && y > 8 && y < 15 && z > 8 && z < 15 ? 1 : 0;
+    }
+    return 0;
+}
+
+/* Glowing clumps are one whole, although bricks between them are empty. */
+static void test_clumps(void) {
+    static float rgba[2][4 * SIDE * SIDE];
+    sps_context *context = check_context(NULL);
+    for (int n = 0; n < 2; ++n) {
+        check_scene s;
+        source unused;
+        start(&s, &unused, 0);
+        set_pieces(&s, n ? 8 : 1, 1, B + 10, &straight);
+        for (int i = 0; i < s.scene.volume_count; ++i) list[i].read_fn = read_clumps;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE, s.view.scattering_resolution = 16;
+        check_render(context, &s, rgba[n]);
+    }
+    CHECK(check_largest(rgba[0], rgba[1], 4 * SIDE * SIDE) < 1e-5);
+    CHECK(check_mean(rgba[0], 4 * SIDE * SIDE) > 0.003);
+    sps_destroy(context);
+}
+
+/* A small flame in wide smoke: borders without gas change nothing, since voxels of two sizes are no bricks of a whole.
+ */
+static void test_unrelated(void) {
+    static float rgba[2][4 * SIDE * SIDE], black[4 * SIDE * SIDE];
+    sps_context *context = check_context(NULL);
+    for (int n = 0; n < 2; ++n) {
+        const sps_placement small = {{-0.2, -0.2, -0.2}, {{0.4, 0, 0}, {0, 0.4, 0}, {0, 0, 0.4}}};
+        check_scene s;
+        source from;
+        start(&s, &from, 0);
+        add(&s, &from, straight);
+        add(&s, &from, small);
+        for (int i = 0; i < 2; ++i) s.volume[i].read_fn = read_clumps, s.volume[i].border = 4 * n;
+        s.volume[1].extinction = 30;
+        s.view.filling = SPS_FILLING_GATHER;
+        check_color(s.volume[1].emission, 20, 8, 2);
+        s.view.scattering = SPS_SCATTERING_MULTIPLE, s.view.scattering_resolution = 16;
+        check_render(context, &s, rgba[n]);
+    }
+    const double brightest = check_largest(rgba[0], black, 4 * SIDE * SIDE);
+    const double largest = check_largest(rgba[0], rgba[1], 4 * SIDE * SIDE);
+    if (!CHECK(largest < 1e-5 * brightest && brightest > 0.1)) printf("    %g of %g\n", largest, brightest);
+    sps_destroy(context);
 }
 
 /* Coverage is as near to sps_reference's as without a crop. Light enters a cut slab at its plane, not at the face, so
@@ -486,6 +576,9 @@ static void test_sources(void) {
 int main(void) {
     RUN(test_even);
     RUN(test_pieces);
+    RUN(test_row);
+    RUN(test_clumps);
+    RUN(test_unrelated);
     RUN(test_reference);
     RUN(test_paths);
     RUN(test_mass);

@@ -6,6 +6,7 @@
 #   record    the list, with the last tests read from standard input, a line for each entry: number, test, part
 #   order     the tests that noticed errors in chapter `chapter`, most of them first
 #   weak      the header with every function weak, so that another object can replace it
+#   open      the header with every function of external linkage, so that tests can call it; compilers may inline it
 #   mutated   the same with entry number `entry` applied to it
 #   faces     the header without its functions' bodies; with `entry`, of the mutated header
 #   function  the same, except for the function that entry number `entry` is in, which has its body
@@ -137,9 +138,11 @@ function check(n, failed) {
 
 # The beginning of a function in the output: weak, or without its body and with external linkage.
 function opening(line, faces) {
+    if (mode == "open" && sub(/^SPSI_COLD /, "", line)) return "__attribute__((cold)) " line
+    if (mode == "open" && sub(/^SPSI_NOINLINE /, "", line)) return "__attribute__((noinline)) " line
     if (!faces && sub(/^SPSI_COLD /, "", line)) return "__attribute__((weak, cold)) " line
     sub(/^(static|SPSI_COLD|SPSI_NOINLINE) /, "", line)
-    return faces ? line : "__attribute__((weak)) " line
+    return faces || mode == "open" ? line : "__attribute__((weak)) " line
 }
 
 function print_header(faces, whole, line, name) {
@@ -229,7 +232,7 @@ END {
             line = find(n)
             print n, chapter_at(n), place(line), line, rank(n)
         }
-    if (mode == "weak") print_header(0)
+    if (mode == "weak" || mode == "open") print_header(0)
     if (mode == "mutated") { apply(entry); print_header(0) }
     if (mode == "faces") { if (entry) apply(entry); print_header(1) }
     if (mode == "function") print_header(1, body_of[apply(entry)])

@@ -165,6 +165,7 @@ static void test_each_color(void) {
         flames *f = flames_floor(FLOOR, 2, 1.5, FLAMES_PARTICLE);
         sps_volume *layer = add_layer(f, -0.7, 1.2);
         layer->lobes = &lobe, layer->lobe_count = 1;
+        if (!check_long()) f->view.scattering_resolution = 16;
         for (int c = 0; c < 3; ++c) layer->albedo[c] = albedo[n > 0 ? n - 1 : c];
         if (!render(f)) return;
         for (int i = 0; i < 4 * FLOOR * FLOOR; ++i)
@@ -261,7 +262,7 @@ static void patches_place(int pixel, double at[3]) {
 static void test_spots(void) {
     static const double cones[] = {0.05, 0.1, 0.2, 0.35, 0.5, 1}, extinction = 1e-4;
     static const double origin[3] = {-9, -9, -2.3}, along[3] = {18, 0, 0}, across[3] = {0, 18, 0};
-    for (int n = 0; n < 6; n += check_long() || n > 2 ? 1 : 2) { /* in short tests, not the second and fourth */
+    for (int n = 0; n < 6; n += check_long() || n > 3 ? 1 : 2) { /* in short tests, not the second and fourth */
         check_triangles wall;
         check_scene s;
         sps_volume *gas;
@@ -558,7 +559,7 @@ static void test_balls(void) {
 static void test_wide_ball(void) {
     static const double depths[] = {1, 10, 50};
     for (int d = 0; d < 3; ++d)
-        for (int n = check_long() ? 0 : d + 1; n < 12; n += check_long() ? 1 : 4) {
+        for (int n = check_long() ? 0 : d + 1; n < 12; n += check_long() ? 1 : 6) {
             const double way[3] = {0.013 - 0.1 * n, 0.021 + 0.45, -0.017}, distance = vec_length(way);
             const double exact = PI * 0.01 * ball_sends(0, depths[d]) * way[1] / pow(distance, 3);
             ball_scene b;
@@ -774,6 +775,7 @@ static void test_peaked(void) {
     for (int n = 0; n < 16; ++n) {
         const int voxels = n / 8, turns = n / 4 % 2;
         const double radius = radii[n % 2], depth = depths[n / 2 % 2];
+        if (!check_long() && (n % 2 + n / 2 % 2 + turns + voxels) % 2) continue; /* any two of these in all ways */
         const check_field ball = {ball_gas, &radius, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
         const sps_lobe lobe = {turns ? 0.9f : 0.98f, 1};
         double seen[3];

@@ -26,7 +26,7 @@ COMPILE_threads   = clang $(STANDARD) -O1 -g -fsanitize=thread -march=native
 COMPILE_memory    = clang $(STANDARD) -O1 -gline-tables-only -DSPS_NO_SIMD -fsanitize=memory
 # As in the README, in long tests at its -O3; and the ways in which compilers contract a * b + c, which differ between
 # these and the sanitized ones, except that clang is as wide_sanitized
-COMPILE_readme    = cc $(if $(SPLATSHADOW_LONG),-O3,-O1) -march=native
+COMPILE_readme    = cc $(if $(SPLATSHADOW_LONG),-O3,-O1 -DSPS_API=static) -march=native
 COMPILE_fused     = gcc $(STANDARD) -O1 -march=native -ffp-contract=fast
 COMPILE_clang     = clang -O1 -march=native
 # The test that runs examples/shaders/, in the shading languages instead of C

@@ -63,7 +63,7 @@ endif
 # time. Where sanitizers are, calls cost little beside them, and functions are weak, as for `make mutants`.
 SPLIT = native sanitized wide_sanitized cpp glsl hlsl threads memory $(if $(SPLATSHADOW_LONG),plain baseline)
 SPLIT_CPP = cpp glsl hlsl
-COMPUTING = test_area test_brackets test_cells test_filling test_particles test_reading test_sampling test_scattering test_spreading test_walls
+COMPUTING = test_area test_brackets test_cells test_filling test_particles test_reading test_sampling test_scattering test_spotlights test_spreading test_walls
 optimize = $(if $(SPLATSHADOW_LONG)$(filter $(COMPUTING),$(1)),,-O0)
 code = build/tests/$(if $(filter $(SPLIT_CPP),$(1)),cpp,$(1)).code.o
 HEADER_native = build/tests/open.h

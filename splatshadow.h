@@ -3887,8 +3887,8 @@ typedef struct spsi_lattice {
     int medium;
     spsi_crop_kind cropped;
     double crop[2][3]; /* low and high faces, in voxels */
-    double whole[2][3]; /* the same of all bricks that touch one another */
-    int first;          /* the first medium among these bricks */
+    double whole[2][3]; /* the same of the whole that a brick belongs to */
+    int first;          /* the whole's first medium */
     int room;           /* minimum of voxels read beyond a face */
     double corner[3];  /* world corner of voxel (0,0,0) */
     double step[3][3]; /* voxel edges in world space */
@@ -4993,8 +4993,8 @@ SPSI_COLD sps_result spsi_add_media(sps_context *context, spsi_frame *frame, con
     return SPS_OK;
 }
 
-/* The box of `other` in voxels of `lattice`, given the inverse of its steps. Returns 0 unless voxels are equal and the
-   boxes of the whole and of `other` touch. */
+/* `box`: that of `other`, in voxels of `lattice`; `rows`: inverse steps. Returns 0 unless voxels are equal and the whole
+   touches it. */
 static int spsi_lattice_meets(const spsi_lattice *lattice, double rows[3][3], const spsi_lattice *other,
                               double box[2][3]) {
     double apart[3];
@@ -5010,7 +5010,7 @@ static int spsi_lattice_meets(const spsi_lattice *lattice, double rows[3][3], co
     return meets;
 }
 
-/* Finds bricks (border > 0) of one whole: what depends on a volume's box is chosen alike for all of them. */
+/* Finds bricks (border > 0) of one whole, which share what depends on a box. */
 SPSI_COLD void spsi_bricks_find(const spsi_frame *frame, spsi_lattice *lattice) {
     double rows[3][3], box[2][3];
     if (!spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows)) return;
@@ -7786,7 +7786,7 @@ SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *f
 
 /* ============================================================================================ >>surfaces
    14 Visible surfaces and their shadow rays. Polygons shadow each other exactly, by one ray per point and light through
-   a tree, without texels or bias. Translucent triangles tint rays. Shadows on media use depth maps, >>depthmaps. Cost
+   a tree. Translucent triangles tint rays. Shadows on media use depth maps, >>depthmaps. Cost
    per ray: tree height. */
 
 /* --- shade_fn --- */
@@ -24422,8 +24422,7 @@ SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const s
 /* --- expected error --- */
 
 /* Twice the worst RMS error relative to the mean, as if the medium filled the image. Scenes include a puff of 25
-   voxels. The thickest slabs get three times the worst, as their errors vary most around a light. The finest presets'
-   errors include detail that voxels do not resolve. */
+   voxels. The thickest slabs get three times the worst, as their errors vary most around a light. */
 static const double spsi_gas_errors[2][SPSI_PRESETS] = {{0.4, 0.2, 0.055, 0.02, 0.006, 0.004, 0.0035},
                                                         {0.14, 0.14, 0.14, 0.07, 0.036, 0.029, 0.028}};
 /* Errors of spheres under lights with shadows, per optical depth across one. */

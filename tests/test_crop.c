@@ -321,7 +321,7 @@ static void test_unrelated(void) {
     static float rgba[2][4 * SIDE * SIDE], black[4 * SIDE * SIDE];
     sps_context *context = check_context(NULL);
     for (int n = 0; n < 2; ++n) {
-        const sps_placement small = {{-0.2, -0.2, -0.2}, {{0.4, 0, 0}, {0, 0.4, 0}, {0, 0, 0.4}}};
+        const sps_placement small = {{-1, -1, -1}, {{0.4, 0, 0}, {0, 0.4, 0}, {0, 0, 0.4}}};
         check_scene s;
         source from;
         start(&s, &from, 0);

@@ -14175,6 +14175,10 @@ static void spsi_map_tile_place(const spsi_filling *filling, int column, spsi_ma
     into->sums = filling->band.sums ? filling->band.sums + (size_t)into->floats * before : NULL;
 }
 
+static size_t spsi_map_tile_at(const spsi_map_tile *into, int x, int y) {
+    return (size_t)((y - into->y0) * into->width + (x - into->x0));
+}
+
 static size_t spsi_map_tile_texel(const spsi_map_tile *into, int x, int y) {
     const spsi_rays *rays = &into->filling->map->grid.rays[0];
     return ((size_t)into->filling->band.face * (size_t)rays->height + (size_t)y) * (size_t)rays->width + (size_t)x;
@@ -14213,10 +14217,25 @@ static void spsi_insert_list(const spsi_map_tile *into, int x, int y, const spsi
     }
 }
 
+/* Adds intervals, relative to 0..1, to the sums; parts beyond count at the ends. Soft ones must not be cut by these. */
+static void spsi_insert_clipped(const spsi_map_tile *into, float *sums, const spsi_intervals *intervals) {
+    const spsi_filling *filling = into->filling;
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), depth = intervals->depth;
+    const spsi_v before = spsi_intervals_before(intervals, zero), until = spsi_intervals_before(intervals, one);
+    const spsi_intervals parts[3] = {
+        {zero, zero, spsi_mul(depth, before), 0},
+        {spsi_max(intervals->u0, zero), spsi_min(intervals->u1, one), spsi_mul(depth, spsi_sub(until, before)),
+         intervals->soft},
+        {one, one, spsi_mul(depth, spsi_sub(one, until)), 0}};
+    for (int i = 0; i < 3; ++i)
+        if (spsi_bits(spsi_less(zero, parts[i].depth)))
+            filling->map->technique->insert(&filling->map->inner, sums, into->stride, &parts[i]);
+}
+
 /* Inserts intervals for texels from (x, y); depth must be 0 outside the tile. */
 static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_intervals *intervals) {
     const spsi_filling *filling = into->filling;
-    const size_t at = (size_t)((y - into->y0) * into->width + (x - into->x0));
+    const size_t at = spsi_map_tile_at(into, x, y);
     spsi_intervals within = *intervals;
     if (filling->visit == SPSI_VISIT_RANGE) {
         const spsi_v zero = spsi_set(0), one = spsi_set(1);
@@ -14230,7 +14249,9 @@ static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_inte
         spsi_opacity_insert(&spsi_range_bins, into->sums + at, into->stride, &within);
     } else if (filling->visit == SPSI_VISIT_SUMS) {
         if (filling->map->has_range) spsi_intervals_within(into, at, &within);
-        if (filling->map->technique->insert)
+        if (filling->map->has_range && filling->map->technique->points)
+            spsi_insert_clipped(into, into->sums + at, &within);
+        else if (filling->map->technique->insert)
             filling->map->technique->insert(&filling->map->inner, into->sums + at, into->stride, &within);
     } else {
         spsi_insert_list(into, x, y, intervals);
@@ -14261,9 +14282,21 @@ static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const sp
     }
 }
 
-/* Inserts an interval clipped to 0..1; parts beyond are added at the ends. */
+/* The texel's first and last u, or 0 and 1. */
+static void spsi_map_tile_range(const spsi_map_tile *into, size_t at, spsi_v range[2]) {
+    const int own = into->filling->map->has_range && into->filling->visit == SPSI_VISIT_SUMS;
+    for (int i = 0; i < 2; ++i)
+        range[i] = own ? spsi_load(into->ranges + (size_t)i * into->stride + at) : spsi_set((float)i);
+}
+
+/* Inserts an interval clipped to the texel's range; parts beyond are added at the ends. */
 static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const spsi_interval *interval) {
-    const float from = spsi_fmax(spsi_fmin(interval->u0, 1), 0), to = spsi_fmax(spsi_fmin(interval->u1, 1), 0);
+    spsi_v range[2];
+    float ends[2][SPSI_LANES];
+    spsi_map_tile_range(into, spsi_map_tile_at(into, x, y), range);
+    for (int i = 0; i < 2; ++i) spsi_store(ends[i], range[i]);
+    const float from = spsi_fmax(spsi_fmin(interval->u0, *ends[1]), *ends[0]);
+    const float to = spsi_fmax(spsi_fmin(interval->u1, *ends[1]), *ends[0]);
     const float before = spsi_interval_fraction(interval, from), until = spsi_interval_fraction(interval, to);
     const spsi_interval front = {from, from, interval->depth * before, 0};
     const spsi_interval even = {from, to, interval->depth * (until - before), 0};
@@ -14298,8 +14331,10 @@ static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sph
     const spsi_filling *filling = into->filling;
     const int parts = filling->map->technique->points;
     const spsi_v per_t = spsi_set((float)filling->map->grid.per_depth), zero = spsi_set(0), one = spsi_set(1);
-    const spsi_v high = parts ? one : spsi_set((float)SPSI_INTERVAL_REACH);
-    const spsi_v low = parts ? zero : spsi_set((float)spsi_dmax(filling->light_u, -SPSI_INTERVAL_REACH));
+    spsi_v range[2];
+    spsi_map_tile_range(into, spsi_map_tile_at(into, x, y), range);
+    const spsi_v high = parts ? range[1] : spsi_set((float)SPSI_INTERVAL_REACH);
+    const spsi_v low = parts ? range[0] : spsi_set((float)spsi_dmax(filling->light_u, -SPSI_INTERVAL_REACH));
     const spsi_m here = spsi_less(spsi_iota(), spsi_set((float)(last - x) + 0.5f));
     float lanes[3][SPSI_LANES];
     spsi_chord chord;

@@ -3834,17 +3834,27 @@ static double spsi_range_mean(const float *bins, size_t stride, double t0, doubl
 /* Narrows a range, given as the first and last occluder, to that of an even medium whose first and last parts have the
    same mean place. Otherwise, each thin occluder at an end would move all planes, which flickers as a light turns. A
    part is 4 % of the optical depth with 8 components, 4 % (8 / n)^2 with more: errors at the ends fall with the rest.
-   Ranges are continuous in each occluder's depth. */
-static void spsi_range_narrow(const float *bins, size_t stride, int components, float *first, float *last) {
+   Ranges are continuous in each occluder's depth. `periodic`: a sheet at an end, with the share s of the depth in its
+   bin, gets room, since a series would divide it between both ends: 0.1 of the length times (s - 0.08) / 0.16. */
+static void spsi_range_narrow(const float *bins, size_t stride, int components, int periodic, float *first,
+                              float *last) {
     const double n = components, part = 0.04 * spsi_dmin(64 / (n * n), 3), low = (double)*first;
+    const double per_bin = ((double)*last - low) / SPSI_RANGE_BINS;
     double all = 0;
     for (int k = 0; k < SPSI_RANGE_BINS; ++k) all += (double)bins[(size_t)k * stride];
     if (!(*last > *first) || !(all > 0)) return;
-    const double from = spsi_range_mean(bins, stride, 0, part * all);
-    const double to = spsi_range_mean(bins, stride, (1 - part) * all, all);
-    const double per_bin = ((double)*last - low) / SPSI_RANGE_BINS, beyond = 0.5 * part * (to - from) / (1 - part);
-    *first = (float)(low + per_bin * spsi_dmax(from - beyond, 0));
-    *last = (float)(low + per_bin * spsi_dmin(to + beyond, SPSI_RANGE_BINS));
+    double ends[2] = {spsi_range_mean(bins, stride, 0, part * all),
+                      spsi_range_mean(bins, stride, (1 - part) * all, all)};
+    const double length = ends[1] - ends[0];
+    for (int i = 0; i < 2; ++i) {
+        const int bin = spsi_imin((int)ends[i], SPSI_RANGE_BINS - 1), side = 2 * i - 1;
+        const double share = (double)bins[(size_t)bin * stride] / all;
+        const double room = periodic ? 0.1 * length * spsi_dmax(0, spsi_dmin((share - 0.08) / 0.16, 1)) : 0;
+        ends[i] += side * 0.5 * part * length / (1 - part);
+        ends[i] = spsi_dmax(0, spsi_dmin(ends[i], SPSI_RANGE_BINS)) + side * room;
+    }
+    *first = (float)spsi_dmax(low + per_bin * ends[0], 0);
+    *last = (float)spsi_dmin(low + per_bin * ends[1], 1);
 }
 
 /* Indexed by sps_tmap_technique. */
@@ -14503,8 +14513,8 @@ static void spsi_ranges_task(void *data, int index) {
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
     for (int i = 0; i < into.width * into.height; ++i)
-        spsi_range_narrow(into.sums + i, into.stride, filling->map->settings.components, &into.ranges[i],
-                          &into.ranges[into.stride + (size_t)i]);
+        spsi_range_narrow(into.sums + i, into.stride, filling->map->settings.components,
+                          filling->map->technique->points, &into.ranges[i], &into.ranges[into.stride + (size_t)i]);
 }
 
 static void spsi_store_task(void *data, int index) {

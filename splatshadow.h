@@ -468,8 +468,8 @@ typedef enum sps_tmap_technique {
     /* Optical depth at n planes, u = 1/n .. 1 or as set by `planes` [Kim & Neumann 2001]: exact there, bounded in
        between. n 1..65, default 8. */
     SPS_TMAP_OPACITY,
-    /* Deep opacity map, after [Yuksel & Keyser 2008]: planes span the texel's first to last occluder, whose u
-       come first. Sharp for thin shells; no gain for two distant clumps. n 3..65, default 8. */
+    /* Deep opacity map, after [Yuksel & Keyser 2008]: planes span the texel's range, whose ends come first: where
+       gas begins and ends, but for thin occluders far from the rest. Sharp for thin shells; no gain for two distant clumps. n 3..65, default 8. */
     SPS_TMAP_DEEP_OPACITY,
     /* Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact at u = 1; before that, it rings by
        up to 9 % of a step. Periodic: leave room at both ends of the range, or set texel_range. n 3, 5 .. 65, default 7;
@@ -507,7 +507,7 @@ typedef struct sps_tmap_settings {
        opacity: two more). NULL: even steps. Other techniques ignore members from here to epsilon. */
     const float *planes;
     int cubic;              /* opacity: 1: monotone cubics between planes instead of straight lines */
-    int texel_range;        /* Fourier: 1: u runs from each texel's first to last occluder; adds two components */
+    int texel_range;        /* Fourier: 1: u runs over each texel's own range; adds two components */
     /* Compressed: maximum error of transmittance, up to 0.5; 0 means 0.01; effectively at least 1e-6 (soft particles:
        0.001). With components: error before nodes are removed; 0 means 1 / 1024. */
     float epsilon;
@@ -909,7 +909,7 @@ typedef struct sps_tmap_info {
 typedef struct sps_tmap_constants {
     float row_x[4], row_y[4], row_w[4], row_distance[4]; /* at bytes 0, 16, 32, 48 */
     int32_t technique, components;                       /* sps_tmap_technique; 0 components: intervals or nodes */
-    int32_t has_range;  /* 1: a texel begins with the u of its first and last occluder */
+    int32_t has_range;  /* 1: a texel begins with the ends of its range */
     int32_t has_planes; /* 1: settings.planes is not NULL */
     int32_t cubic;
     int32_t has_surfaces;        /* 1: sps_tmap_surfaces is not NULL */
@@ -3042,7 +3042,7 @@ typedef struct spsi_technique {
     size_t lists;                 /* bytes per list item; 0: no lists */
     /* 1: intervals are clipped to 0..1; clipped soft ones, lacking a closed form, become points. 0: not clipped. */
     int points;
-    /* 1: the first two components are the u of a texel's first and last occluder; functions below get the others and
+    /* 1: the first two components are the ends of a texel's range; functions below get the others and
        the remapped u. -1: settings->texel_range decides. */
     int range;
     /* Adds intervals to the sums; component k is at sums + k * stride. */
@@ -3886,7 +3886,7 @@ SPSI_COLD sps_tmap_settings spsi_settings_resolve(const sps_tmap_settings *setti
     return resolved;
 }
 
-/* 1: texels start with the u of their first and last occluder. */
+/* 1: texels start with the ends of their range. */
 SPSI_COLD int spsi_settings_have_range(const sps_tmap_settings *settings) {
     const int range = spsi_techniques[settings->technique].range;
     return range > 0 || (range < 0 && settings->texel_range);
@@ -13867,7 +13867,7 @@ struct sps_tmap {
     sps_tmap_settings inner;    /* components exclude the texel's range */
     sps_view view;
     double matrix[16]; /* world_to_clip */
-    int has_range;     /* 1: a texel begins with the u of its first and last occluder */
+    int has_range;     /* 1: a texel begins with the ends of its range */
     int replace_invalid, finished, failed;
     spsi_light_grid grid;
     double bias[2];           /* surface bias in t: bias[0] + bias[1] * t */

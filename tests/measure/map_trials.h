@@ -83,6 +83,7 @@ typedef struct trial {
     sps_tmap_settings settings;
     double bytes, build, query, render; /* seconds */
     spread gas, ground, picture;        /* against the exact deep map */
+    double flicker;                     /* of transmittance in the gas, as the light turns */
     double own;                         /* rms in the gas against this technique's own map of 24, as in the thesis */
 } trial;
 
@@ -147,6 +148,7 @@ typedef struct set_up {
     int map_size;
     double *points;                     /* in the gas, then on the ground below it */
     float *exact;                       /* transmittance there */
+    float *exact_turned;                /* transmittance in the gas with the light turned, by -1 and 1 steps */
     float *exact_rgba;                  /* the picture */
     double slabs_seconds;               /* of the picture without a map */
     spread slabs_apart;                 /* that picture from the exact map's */
@@ -251,6 +253,14 @@ static void aim_light(set_up *s) {
     s->range.far_depth = depth[1] + 0.02 * (depth[1] - depth[0]);
 }
 
+/* Turns the light about the middle of the scene, by 0.02 degrees a step. */
+static void turn_light(set_up *s, int steps) {
+    const double angle = steps * 0.02 * EX_PI / 180, c = cos(angle), d = sin(angle);
+    double *at = s->light_view.camera.position;
+    const double x = at[0] - middle.x, z = at[2] - middle.z;
+    at[0] = middle.x + c * x + d * z, at[2] = middle.z - d * x + c * z;
+}
+
 static void set_up_begin(set_up *s, void (*make)(set_up *)) {
     static const float grey[3] = {0.3f, 0.3f, 0.3f};
     memset(s, 0, sizeof *s);
@@ -281,6 +291,7 @@ static void set_up_end(set_up *s) {
     ex_mesh_free(&s->core);
     free(s->points);
     free(s->exact);
+    free(s->exact_turned);
     free(s->exact_rgba);
 }
 

@@ -650,7 +650,7 @@ static void print_more_numbers(set_up *const *scenes) {
     print_tally(DEEP_EQUAL_24, scenes);
     printf(
         ". With 24 the error of opacity is %.2f to %.2f times that of deep opacity, nearer to 1 than with 6 in %d of "
-        "%d scenes. The cause is a layer thickness common to all texels. The library places planes between each "
+        "%d scenes. The cause is a layer thickness common to all texels. The library places planes over each "
         "texel's own range. There the error of opacity is %.2f to %.2f times that of deep opacity.\n",
         own[0], own[1], shrinks, SCENES, library[0], library[1]);
 }
@@ -697,7 +697,7 @@ static void print_speed(set_up *const *scenes) {
 static void print_beer(set_up *const *scenes) {
     int better = 0;
     printf("- **Beer maps.** Engines keep the mean extinction over the occupied part of a ray, and so reach the total "
-           "optical depth before the last occluder. The library spreads it from the first occluder to the last. Rms "
+           "optical depth before the last occluder. The library spreads it over the texel's range. Rms "
            "errors in the medium, the library's first:");
     for (int i = 0; i < SCENES; ++i) {
         const double own = trial_of(&scenes[i]->trials, BEER, 6)->gas.rms;

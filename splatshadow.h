@@ -468,8 +468,9 @@ typedef enum sps_tmap_technique {
     /* Optical depth at n planes, u = 1/n .. 1 or as set by `planes` [Kim & Neumann 2001]: exact there, bounded in
        between. n 1..65, default 8. */
     SPS_TMAP_OPACITY,
-    /* Deep opacity map, after [Yuksel & Keyser 2008]: planes span the texel's range, whose ends come first: where
-       gas begins and ends, but for thin occluders far from the rest. Sharp for thin shells; no gain for two distant clumps. n 3..65, default 8. */
+    /* Deep opacity map, after [Yuksel & Keyser 2008]: planes span the texel's range, whose ends come first: where gas
+       begins and ends, but for thin occluders far from the rest. Sharp for thin shells; no gain for two distant
+       clumps. n 3..65, default 8. */
     SPS_TMAP_DEEP_OPACITY,
     /* Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact at u = 1; before that, it rings by
        up to 9 % of a step. Periodic: leave room at both ends of the range, or set texel_range. n 3, 5 .. 65, default 7;
@@ -3815,46 +3816,54 @@ static void spsi_moment_bracket(const sps_tmap_settings *settings, const spsi_te
 
 /* ---- ranges ---- */
 
-#define SPSI_RANGE_BINS 32 /* between a texel's first and last occluder */
+/* Even planes between a texel's first and last occluder; [1]: for series, whose ends matter more. */
+static const sps_tmap_settings spsi_range_bins[2] = {{0, SPS_TMAP_OPACITY, 16, 0, 0, 1, NULL, 0, 0, 0, 0, 0},
+                                                     {0, SPS_TMAP_OPACITY, 32, 0, 0, 1, NULL, 0, 0, 0, 0, 0}};
 
-static const sps_tmap_settings spsi_range_bins = {0, SPS_TMAP_OPACITY, SPSI_RANGE_BINS, 0, 0, 1, NULL, 0, 0, 0, 0, 0};
-
-/* Mean place, in bins, of the optical depth from t0 to t1. */
-static double spsi_range_mean(const float *bins, size_t stride, double t0, double t1) {
-    double before = 0, sum = 0;
-    for (int k = 0; k < SPSI_RANGE_BINS; ++k) {
-        const double own = (double)bins[(size_t)k * stride], after = before + own;
-        const double low = spsi_dmax(before, t0), high = spsi_dmin(after, t1);
-        if (high > low) sum += (high - low) * (k + (0.5 * (low + high) - before) / own);
+/* Mean distance, in bins, from an end of a vector of texels' bins to the first `part` of their optical depth. `share`:
+   depth of the bin in the middle of that part. */
+static spsi_v spsi_range_mean(const float *bins, size_t stride, int count, int from_last, spsi_v part, spsi_v *share) {
+    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), middle = spsi_mul(half, part), tiny = spsi_set(FLT_MIN);
+    spsi_v before = zero, sum = zero;
+    *share = zero;
+    for (int k = 0; k < count; ++k) {
+        const size_t bin = (size_t)(from_last ? count - 1 - k : k);
+        const spsi_v own = spsi_load(bins + bin * stride), after = spsi_add(before, own), end = spsi_min(after, part);
+        const spsi_v inside = spsi_max(spsi_sub(end, before), zero);
+        const spsi_v at = spsi_div(spsi_mul(half, inside), spsi_max(own, tiny));
+        sum = spsi_fma(inside, spsi_add(spsi_set((float)k), at), sum);
+        *share = spsi_select(spsi_and(spsi_less(before, middle), spsi_less(middle, after)), own, *share);
         before = after;
     }
-    return sum / (t1 - t0);
+    return spsi_div(sum, spsi_max(part, tiny));
 }
 
-/* Narrows a range, given as the first and last occluder, to that of an even medium whose first and last parts have the
-   same mean place. Otherwise, each thin occluder at an end would move all planes, which flickers as a light turns. A
-   part is 4 % of the optical depth with 8 components, 4 % (8 / n)^2 with more: errors at the ends fall with the rest.
-   Ranges are continuous in each occluder's depth. `periodic`: a sheet at an end, with the share s of the depth in its
-   bin, gets room, since a series would divide it between both ends: 0.1 of the length times (s - 0.08) / 0.16. */
-static void spsi_range_narrow(const float *bins, size_t stride, int components, int periodic, float *first,
-                              float *last) {
-    const double n = components, part = 0.04 * spsi_dmin(64 / (n * n), 3), low = (double)*first;
-    const double per_bin = ((double)*last - low) / SPSI_RANGE_BINS;
-    double all = 0;
-    for (int k = 0; k < SPSI_RANGE_BINS; ++k) all += (double)bins[(size_t)k * stride];
-    if (!(*last > *first) || !(all > 0)) return;
-    double ends[2] = {spsi_range_mean(bins, stride, 0, part * all),
-                      spsi_range_mean(bins, stride, (1 - part) * all, all)};
-    const double length = ends[1] - ends[0];
+/* Narrows ranges of a vector of texels, given as their first and last occluders, to those of even media whose first and
+   last parts have the same mean place. Otherwise, each thin occluder at an end would move all planes, which flickers as
+   a light turns. A part is 4 % of the optical depth with 8 components, 4 % (8 / n)^2 with more: errors at the ends fall
+   with the rest. Ranges are continuous in each occluder's depth. `series`: a sheet at an end, with the share s of the
+   depth in its bin, gets room, since a series would divide it between both ends: 0.1 of the length times (s - 0.08) /
+   0.16. */
+static void spsi_ranges_narrow(const float *bins, size_t stride, int components, int series, float *first,
+                               float *last) {
+    const int count = spsi_range_bins[series].components;
+    const float n = (float)components, part = 0.04f * spsi_fmin(64 / (n * n), 3);
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), low = spsi_load(first), high = spsi_load(last);
+    const spsi_v per_bin = spsi_mul(spsi_sub(high, low), spsi_set(1 / (float)count));
+    spsi_v all = zero, ends[2], share[2];
+    for (int k = 0; k < count; ++k) all = spsi_add(all, spsi_load(bins + (size_t)k * stride));
+    const spsi_m some = spsi_and(spsi_less(zero, all), spsi_less(low, high));
+    const spsi_v first_part = spsi_mul(all, spsi_set(part));
+    for (int i = 0; i < 2; ++i) ends[i] = spsi_range_mean(bins, stride, count, i, first_part, &share[i]);
+    const spsi_v length = spsi_sub(spsi_set((float)count), spsi_add(ends[0], ends[1]));
     for (int i = 0; i < 2; ++i) {
-        const int bin = spsi_imin((int)ends[i], SPSI_RANGE_BINS - 1), side = 2 * i - 1;
-        const double share = (double)bins[(size_t)bin * stride] / all;
-        const double room = periodic ? 0.1 * length * spsi_dmax(0, spsi_dmin((share - 0.08) / 0.16, 1)) : 0;
-        ends[i] += side * 0.5 * part * length / (1 - part);
-        ends[i] = spsi_dmax(0, spsi_dmin(ends[i], SPSI_RANGE_BINS)) + side * room;
+        const spsi_v sheet = spsi_div(share[i], spsi_max(all, spsi_set(FLT_MIN)));
+        const spsi_v room = spsi_clamp(spsi_mul(spsi_add(sheet, spsi_set(-0.08f)), spsi_set(1 / 0.16f)), zero, one);
+        ends[i] = spsi_max(spsi_fma(length, spsi_set(-0.5f * part / (1 - part)), ends[i]), zero);
+        if (series) ends[i] = spsi_fma(spsi_mul(length, spsi_set(-0.1f)), room, ends[i]);
     }
-    *first = (float)spsi_dmax(low + per_bin * ends[0], 0);
-    *last = (float)spsi_dmin(low + per_bin * ends[1], 1);
+    spsi_store(first, spsi_select(some, spsi_max(spsi_fma(per_bin, ends[0], low), zero), low));
+    spsi_store(last, spsi_select(some, spsi_min(spsi_sub(high, spsi_mul(per_bin, ends[1])), one), high));
 }
 
 /* Indexed by sps_tmap_technique. */
@@ -14181,7 +14190,8 @@ static void spsi_map_tile_place(const spsi_filling *filling, int column, spsi_ma
     into->stride = (size_t)(into->width * into->height) + SPSI_LANES;
     const size_t before = (size_t)into->x0 * (size_t)into->height + (size_t)column * SPSI_LANES;
     into->ranges = filling->band.ranges ? filling->band.ranges + 2 * before : NULL; /* lists have none */
-    into->floats = filling->visit == SPSI_VISIT_BINS ? SPSI_RANGE_BINS : filling->map->inner.components;
+    into->floats = filling->map->inner.components;
+    if (filling->visit == SPSI_VISIT_BINS) into->floats = spsi_range_bins[filling->map->technique->points].components;
     into->sums = filling->band.sums ? filling->band.sums + (size_t)into->floats * before : NULL;
 }
 
@@ -14256,7 +14266,7 @@ static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_inte
         spsi_store(into->ranges + into->stride + at, spsi_select(some, spsi_max(last, u1), last));
     } else if (filling->visit == SPSI_VISIT_BINS) {
         spsi_intervals_within(into, at, &within);
-        spsi_opacity_insert(&spsi_range_bins, into->sums + at, into->stride, &within);
+        spsi_opacity_insert(&spsi_range_bins[filling->map->technique->points], into->sums + at, into->stride, &within);
     } else if (filling->visit == SPSI_VISIT_SUMS) {
         if (filling->map->has_range) spsi_intervals_within(into, at, &within);
         if (filling->map->has_range && filling->map->technique->points)
@@ -14512,9 +14522,9 @@ static void spsi_ranges_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
-    for (int i = 0; i < into.width * into.height; ++i)
-        spsi_range_narrow(into.sums + i, into.stride, filling->map->settings.components,
-                          filling->map->technique->points, &into.ranges[i], &into.ranges[into.stride + (size_t)i]);
+    for (int i = 0; i < into.width * into.height; i += SPSI_LANES)
+        spsi_ranges_narrow(into.sums + i, into.stride, filling->map->settings.components,
+                           filling->map->technique->points, &into.ranges[i], &into.ranges[into.stride + (size_t)i]);
 }
 
 static void spsi_store_task(void *data, int index) {
@@ -14563,7 +14573,7 @@ SPSI_COLD sps_result spsi_fill_band(spsi_filling *filling, spsi_visit visit) {
 /* Floats per texel of a band. */
 SPSI_COLD int spsi_fill_floats(const sps_tmap *map) {
     const int components = map->inner.components;
-    return map->has_range ? 2 + spsi_imax(components, SPSI_RANGE_BINS) : components;
+    return map->has_range ? 2 + spsi_imax(components, spsi_range_bins[1].components) : components;
 }
 
 SPSI_COLD sps_result spsi_fill_sums(spsi_filling *filling) {

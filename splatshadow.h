@@ -3043,8 +3043,8 @@ typedef struct spsi_technique {
     size_t lists;                 /* bytes per list item; 0: no lists */
     /* 1: intervals are clipped to 0..1; clipped soft ones, lacking a closed form, become points. 0: not clipped. */
     int points;
-    /* 1: the first two components are the ends of a texel's range; functions below get the others and
-       the remapped u. -1: settings->texel_range decides. */
+    /* 1: the first two components are the ends of a texel's range; functions below get the others and the remapped u.
+       -1: settings->texel_range decides. */
     int range;
     /* Adds intervals to the sums; component k is at sums + k * stride. */
     void (*insert)(const sps_tmap_settings *settings, float *sums, size_t stride, const spsi_intervals *intervals);
@@ -3820,47 +3820,46 @@ static void spsi_moment_bracket(const sps_tmap_settings *settings, const spsi_te
 static const sps_tmap_settings spsi_range_bins[2] = {{0, SPS_TMAP_OPACITY, 16, 0, 0, 1, NULL, 0, 0, 0, 0, 0},
                                                      {0, SPS_TMAP_OPACITY, 32, 0, 0, 1, NULL, 0, 0, 0, 0, 0}};
 
-/* Mean distance, in bins, from an end of a vector of texels' bins to the first `part` of their optical depth. `share`:
-   depth of the bin in the middle of that part. */
-static spsi_v spsi_range_mean(const float *bins, size_t stride, int count, int from_last, spsi_v part, spsi_v *share) {
+/* Mean distance, in bins, from an end of texels' bins to the first `part` of their optical depth. `sheet`: depth of the
+   bin in the middle of that part. */
+static spsi_v spsi_range_mean(const float *bins, size_t stride, int count, int from_last, spsi_v part, spsi_v *sheet) {
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), middle = spsi_mul(half, part), tiny = spsi_set(FLT_MIN);
     spsi_v before = zero, sum = zero;
-    *share = zero;
+    *sheet = zero;
     for (int k = 0; k < count; ++k) {
         const size_t bin = (size_t)(from_last ? count - 1 - k : k);
         const spsi_v own = spsi_load(bins + bin * stride), after = spsi_add(before, own), end = spsi_min(after, part);
         const spsi_v inside = spsi_max(spsi_sub(end, before), zero);
         const spsi_v at = spsi_div(spsi_mul(half, inside), spsi_max(own, tiny));
         sum = spsi_fma(inside, spsi_add(spsi_set((float)k), at), sum);
-        *share = spsi_select(spsi_and(spsi_less(before, middle), spsi_less(middle, after)), own, *share);
+        *sheet = spsi_select(spsi_and(spsi_less(before, middle), spsi_less(middle, after)), own, *sheet);
         before = after;
     }
     return spsi_div(sum, spsi_max(part, tiny));
 }
 
-/* Narrows ranges of a vector of texels, given as their first and last occluders, to those of even media whose first and
-   last parts have the same mean place. Otherwise, each thin occluder at an end would move all planes, which flickers as
-   a light turns. A part is 4 % of the optical depth with 8 components, 4 % (8 / n)^2 with more: errors at the ends fall
-   with the rest. Ranges are continuous in each occluder's depth. `series`: a sheet at an end, with the share s of the
-   depth in its bin, gets room, since a series would divide it between both ends: 0.1 of the length times (s - 0.08) /
-   0.16. */
+/* Narrows texels' ranges, first to last occluder on entry. A new range is that of an even medium with equal mean places
+   of its first and last parts. Otherwise, each thin occluder at an end would move all planes, which flickers as a light
+   turns. A part is 4 % of the optical depth with 8 components, and 4 % (8 / n)^2 with n: errors at the ends fall with
+   the others. `series`: a sheet at an end gets room, since a series would divide it between both ends. If its bin holds
+   the fraction s of the optical depth, this is 0.1 of the length times (s - 0.08) / 0.16, within 0..1. */
 static void spsi_ranges_narrow(const float *bins, size_t stride, int components, int series, float *first,
                                float *last) {
     const int count = spsi_range_bins[series].components;
     const float n = (float)components, part = 0.04f * spsi_fmin(64 / (n * n), 3);
     const spsi_v zero = spsi_set(0), one = spsi_set(1), low = spsi_load(first), high = spsi_load(last);
     const spsi_v per_bin = spsi_mul(spsi_sub(high, low), spsi_set(1 / (float)count));
-    spsi_v all = zero, ends[2], share[2];
+    spsi_v all = zero, ends[2], sheets[2];
     for (int k = 0; k < count; ++k) all = spsi_add(all, spsi_load(bins + (size_t)k * stride));
     const spsi_m some = spsi_and(spsi_less(zero, all), spsi_less(low, high));
     const spsi_v first_part = spsi_mul(all, spsi_set(part));
-    for (int i = 0; i < 2; ++i) ends[i] = spsi_range_mean(bins, stride, count, i, first_part, &share[i]);
+    for (int i = 0; i < 2; ++i) ends[i] = spsi_range_mean(bins, stride, count, i, first_part, &sheets[i]);
     const spsi_v length = spsi_sub(spsi_set((float)count), spsi_add(ends[0], ends[1]));
     for (int i = 0; i < 2; ++i) {
-        const spsi_v sheet = spsi_div(share[i], spsi_max(all, spsi_set(FLT_MIN)));
-        const spsi_v room = spsi_clamp(spsi_mul(spsi_add(sheet, spsi_set(-0.08f)), spsi_set(1 / 0.16f)), zero, one);
+        const spsi_v part_of_all = spsi_div(sheets[i], spsi_max(all, spsi_set(FLT_MIN)));
+        const spsi_v room = spsi_mul(spsi_add(part_of_all, spsi_set(-0.08f)), spsi_set(1 / 0.16f));
         ends[i] = spsi_max(spsi_fma(length, spsi_set(-0.5f * part / (1 - part)), ends[i]), zero);
-        if (series) ends[i] = spsi_fma(spsi_mul(length, spsi_set(-0.1f)), room, ends[i]);
+        if (series) ends[i] = spsi_fma(spsi_mul(length, spsi_set(-0.1f)), spsi_clamp(room, zero, one), ends[i]);
     }
     spsi_store(first, spsi_select(some, spsi_max(spsi_fma(per_bin, ends[0], low), zero), low));
     spsi_store(last, spsi_select(some, spsi_min(spsi_sub(high, spsi_mul(per_bin, ends[1])), one), high));
@@ -3939,12 +3938,12 @@ typedef enum spsi_crop_kind {
 typedef struct spsi_lattice {
     int medium;
     spsi_crop_kind cropped;
-    double crop[2][3]; /* low and high faces, in voxels */
-    double whole[2][3]; /* the same of the whole that a brick belongs to */
+    double crop[2][3];  /* low and high faces, in voxels */
+    double whole[2][3]; /* likewise, of the whole that a brick belongs to */
     int first;          /* the whole's first medium */
     int room;           /* minimum of voxels read beyond a face */
-    double corner[3];  /* world corner of voxel (0,0,0) */
-    double step[3][3]; /* voxel edges in world space */
+    double corner[3];   /* world corner of voxel (0,0,0) */
+    double step[3][3];  /* voxel edges in world space */
     double voxel_volume;
 } spsi_lattice;
 
@@ -5046,8 +5045,8 @@ SPSI_COLD sps_result spsi_add_media(sps_context *context, spsi_frame *frame, con
     return SPS_OK;
 }
 
-/* `box`: that of `other`, in voxels of `lattice`; `rows`: inverse steps. Returns 0 unless voxels are equal and the whole
-   touches it. */
+/* `box`: that of `other`, in voxels of `lattice`; `rows`: inverse steps. Returns 0 unless voxels are equal and the
+   whole touches it. */
 static int spsi_lattice_meets(const spsi_lattice *lattice, double rows[3][3], const spsi_lattice *other,
                               double box[2][3]) {
     double apart[3];
@@ -7839,8 +7838,7 @@ SPSI_COLD sps_result spsi_layers_build(sps_context *context, const spsi_frame *f
 
 /* ============================================================================================ >>surfaces
    14 Visible surfaces and their shadow rays. Polygons shadow each other exactly, by one ray per point and light through
-   a tree. Translucent triangles tint rays. Shadows on media use depth maps, >>depthmaps. Cost
-   per ray: tree height. */
+   a tree. Translucent triangles tint rays. Shadows on media use depth maps, >>depthmaps. Cost per ray: tree height. */
 
 /* --- shade_fn --- */
 
@@ -12217,7 +12215,6 @@ static void spsi_sampler_patch_add(const spsi_sampler *t, spsi_tile *tile, const
     spsi_sampler_patch_spread(tile, patch, sums, sheets);
 }
 
-
 SPSI_COLD void spsi_sampler_build(const spsi_pyramid *fields, const spsi_lattice *lattice, const spsi_rays *rays,
                                   const spsi_slabs *slabs, int level, int count, spsi_sampler *sampler) {
     const int medium = lattice->medium;
@@ -12319,7 +12316,8 @@ SPSI_COLD spsi_fill_choice spsi_sampler_serves_at(spsi_sampler *sampler, const s
     return SPSI_GATHER_ASKED;
 }
 
-/* Ray coordinates of a corner of the bricks' box, or its middle (8). */
+/* Ray coordinates of a corner of the bricks' box, or its middle (8). Volumes that are read beyond all faces take the
+   whole's box, so that bricks decide alike. */
 SPSI_COLD void spsi_sampler_point(const spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays,
                                   int corner, double q[3]) {
     const spsi_pyramid_level *field = sampler->fields->levels[lattice->medium];
@@ -12384,7 +12382,6 @@ SPSI_COLD int spsi_levels_wanted(const spsi_frame *frame, int medium) {
     }
     return frame->view.quality > SPS_QUALITY_MEDIUM && longest > 2 * shortest ? 0 : SPSI_LEVELS;
 }
-
 
 /* True if one sample per slab is enough. */
 SPSI_COLD int spsi_sampler_is_fine(const spsi_sampler *sampler, const spsi_lattice *lattice, const spsi_rays *rays) {
@@ -14237,7 +14234,7 @@ static void spsi_insert_list(const spsi_map_tile *into, int x, int y, const spsi
     }
 }
 
-/* Adds intervals, relative to 0..1, to the sums; parts beyond count at the ends. Soft ones must not be cut by these. */
+/* Adds intervals to the sums; parts beyond 0..1 count at the ends. Soft intervals must not contain an end. */
 static void spsi_insert_clipped(const spsi_map_tile *into, float *sums, const spsi_intervals *intervals) {
     const spsi_filling *filling = into->filling;
     const spsi_v zero = spsi_set(0), one = spsi_set(1), depth = intervals->depth;
@@ -14351,10 +14348,9 @@ static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sph
     const spsi_filling *filling = into->filling;
     const int parts = filling->map->technique->points;
     const spsi_v per_t = spsi_set((float)filling->map->grid.per_depth), zero = spsi_set(0), one = spsi_set(1);
-    spsi_v range[2];
-    spsi_map_tile_range(into, spsi_map_tile_at(into, x, y), range);
-    const spsi_v high = parts ? range[1] : spsi_set((float)SPSI_INTERVAL_REACH);
-    const spsi_v low = parts ? range[0] : spsi_set((float)spsi_dmax(filling->light_u, -SPSI_INTERVAL_REACH));
+    spsi_v range[2] = {spsi_set((float)spsi_dmax(filling->light_u, -SPSI_INTERVAL_REACH)),
+                       spsi_set((float)SPSI_INTERVAL_REACH)};
+    if (parts) spsi_map_tile_range(into, spsi_map_tile_at(into, x, y), range);
     const spsi_m here = spsi_less(spsi_iota(), spsi_set((float)(last - x) + 0.5f));
     float lanes[3][SPSI_LANES];
     spsi_chord chord;
@@ -14363,7 +14359,8 @@ static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sph
                                 spsi_mul(spsi_add(chord.middle, chord.half), per_t),
                                 spsi_select(here, spsi_chord_depth(sphere, &chord), zero), (float)sphere->soft};
     const int bits = spsi_bits(spsi_less(zero, intervals.depth));
-    const int cut = bits & (spsi_bits(spsi_less(intervals.u0, low)) | spsi_bits(spsi_less(high, intervals.u1)));
+    const int before = spsi_bits(spsi_less(intervals.u0, range[0]));
+    const int cut = bits & (before | spsi_bits(spsi_less(range[1], intervals.u1)));
     if (!bits) return;
     spsi_store(lanes[0], chord.middle);
     spsi_store(lanes[1], chord.half);
@@ -14375,11 +14372,10 @@ static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sph
         lanes[2][i] = 0;
     }
     intervals.depth = spsi_load(lanes[2]);
-    intervals.u0 = spsi_clamp(intervals.u0, low, one); /* lists end at 1: no interval begins behind it */
-    intervals.u1 = spsi_clamp(intervals.u1, zero, high);
+    intervals.u0 = spsi_clamp(intervals.u0, range[0], one); /* lists end at 1: no interval begins behind it */
+    intervals.u1 = spsi_clamp(intervals.u1, zero, range[1]);
     spsi_insert(into, x, y, &intervals);
 }
-
 
 /* --- triangles --- */
 
@@ -14573,7 +14569,7 @@ SPSI_COLD sps_result spsi_fill_band(spsi_filling *filling, spsi_visit visit) {
 /* Floats per texel of a band. */
 SPSI_COLD int spsi_fill_floats(const sps_tmap *map) {
     const int components = map->inner.components;
-    return map->has_range ? 2 + spsi_imax(components, spsi_range_bins[1].components) : components;
+    return map->has_range ? 2 + spsi_imax(components, spsi_range_bins[map->technique->points].components) : components;
 }
 
 SPSI_COLD sps_result spsi_fill_sums(spsi_filling *filling) {
@@ -14889,8 +14885,6 @@ SPSI_COLD sps_result spsi_map_volumes_build(sps_context *context, const spsi_occ
 
 /* --- fingerprints of a table's input --- */
 
-
-
 /* Hash of a map's gas; 0 if a volume has no revision. */
 static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_volumes_fingerprint(frame);
@@ -15081,7 +15075,6 @@ SPSI_COLD sps_result spsi_tmap_resolve(sps_tmap *map) {
     map->inner.components -= 2 * map->has_range;
     return spsi_check_map_budget(map->context, -1, budget, (double)spsi_tmap_bytes(map));
 }
-
 
 SPSI_COLD sps_result spsi_tmap_aim(sps_tmap *map) {
     map->grid.rays[0].width = map->view.width;
@@ -15364,6 +15357,7 @@ static void spsi_table_bytes(const spsi_frame *frame, const spsi_light *light, c
     const size_t components = spsi_has_shadow_table(light) ? planes : (size_t)spsi_components_of(&light->map);
     sps_tmap map;
     map.grid = *grid;
+    map.technique = &spsi_techniques[light->map.technique];
     map.has_range = spsi_settings_have_range(&light->map);
     map.inner.components = (int)components - 2 * map.has_range;
     *held = 2 * sizeof(spsi_shadow_table) + texels * planes * sizeof(uint32_t); /* also the cached table */
@@ -16610,7 +16604,6 @@ typedef struct spsi_sliced {
     spsi_penumbra penumbra;
 } spsi_sliced;
 
-
 typedef struct spsi_shadow {
     const spsi_light *light;
     const spsi_sliced *sliced; /* media's shadow: from sheets, a table, or none */
@@ -16869,7 +16862,6 @@ static int spsi_beams_serve(const spsi_frame *frame, spsi_sweep *sweep) {
     while (i < sweep->light->point_count && spsi_beam_aim(frame, sweep, &sweep->light->points[i], &beam)) ++i;
     return i == sweep->light->point_count;
 }
-
 
 /* Sets the number of tables, within `room` bytes. One suffices for penumbrae narrower than half a texel; unknown
    widths count as wider. */
@@ -18826,7 +18818,9 @@ static void spsi_volumes_fly(const sps_context *context, const spsi_frame *frame
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
         spsi_bounds all = bounds[i];
         for (int m = 0; m < frame->medium_count; ++m)
-            if (frame->lattices[m].first == frame->lattices[i].first) spsi_bounds_join(&all, &bounds[m]);
+            if (frame->lattices[m].first == frame->lattices[i].first &&
+                frame->matter.materials[frame->media[m].channel].emits)
+                spsi_bounds_join(&all, &bounds[m]);
         const double width = spsi_bounds_longest(&all);
         const double dense = spsi_dmin(2 * width * (double)top[i] * (double)material->extinction, 1);
         if (top[i] > 0 && material->emits && !spsi_material_varies(material))
@@ -20839,7 +20833,6 @@ SPSI_COLD void spsi_visibility(sps_context *context, const spsi_frame *frame, co
     context->stats.seconds_shadow_rays += spsi_clock(context) - start;
 }
 
-
 /* Transmittance from a light to surfaces, or from these to the eye (`light`, `to`: NULL). Phase functions' peaks count
    as transmitted, unless patches send them to surfaces outside the cells. */
 static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_light *light, int c, spsi_v depth,
@@ -21925,7 +21918,6 @@ static void spsi_cell_sample_at(const spsi_material *material, spsi_v sum, const
         sample->emitted[c] = spsi_mul(sum, spsi_set(material->emission[c]));
     }
 }
-
 
 static void spsi_sampling_visit(const spsi_sampling *sheets, const spsi_tile *tile, const spsi_sample_place *place) {
     const spsi_row_slabs slabs = spsi_row_slabs_at(&sheets->shader, place->x, place->y);
@@ -24466,7 +24458,6 @@ SPSI_COLD size_t spsi_table_cached_bytes(sps_context *context, const spsi_frame 
     return 0;
 }
 
-
 /* Fixed units per stage: tenths of a millisecond, measured on one-pixel frames. */
 static const double spsi_fixed_units[SPSI_STAGE_COUNT] = {1e4, 1e4, 5e3, 3e4, 100, 100, 3e4, 1e4};
 
@@ -25056,20 +25047,8 @@ SPSI_COLD sps_result spsi_render_sweep(sps_context *context, spsi_picture *pictu
     return context->result;
 }
 
-SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, const sps_image *image) {
-    const double start = spsi_clock(context);
-    const spsi_call_stage cells = {SPSI_PROGRESS_GATHER, SPSI_PROGRESS_CELLS};
-    spsi_picture picture;
-    spsi_sweep sweep;
-    memset(&picture, 0, sizeof picture);
-    picture.frame = frame;
-    if (spsi_gather(context, frame) || spsi_gather_particles(context, frame)) return context->result;
-    if (spsi_gather_images(context, frame) || spsi_gather_faces(context, frame, &picture.faces)) return context->result;
-    if (spsi_decide_scattering(context, frame, &context->stats.scatter_bound)) return context->result;
-    if (spsi_has_budget(&frame->view) && spsi_budget_take(context, frame)) return context->result;
-    if (spsi_pyramids_place(context, frame)) return context->result;
-    spsi_levels_choose(frame);
-    /* Warns of narrow borders, once for each volume; not where a crop is narrow. */
+/* Warns of narrow borders, once for each volume; not where a crop is narrow. */
+SPSI_COLD void spsi_tell_borders(const sps_context *context, const spsi_frame *frame) {
     for (int m = 0; m < frame->medium_count; ++m) {
         const spsi_medium *medium = &frame->media[m];
         const int border = medium->given.border;
@@ -25087,6 +25066,22 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
                      medium->index, border, border + needed - room);
         spsi_tell(context, text);
     }
+}
+
+SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, const sps_image *image) {
+    const double start = spsi_clock(context);
+    const spsi_call_stage cells = {SPSI_PROGRESS_GATHER, SPSI_PROGRESS_CELLS};
+    spsi_picture picture;
+    spsi_sweep sweep;
+    memset(&picture, 0, sizeof picture);
+    picture.frame = frame;
+    if (spsi_gather(context, frame) || spsi_gather_particles(context, frame)) return context->result;
+    if (spsi_gather_images(context, frame) || spsi_gather_faces(context, frame, &picture.faces)) return context->result;
+    if (spsi_decide_scattering(context, frame, &context->stats.scatter_bound)) return context->result;
+    if (spsi_has_budget(&frame->view) && spsi_budget_take(context, frame)) return context->result;
+    if (spsi_pyramids_place(context, frame)) return context->result;
+    spsi_levels_choose(frame);
+    spsi_tell_borders(context, frame);
     spsi_choose_shadows(context, frame);
     if (!spsi_has_shadow_tables(frame))
         spsi_shadow_tables_drop(context, SPSI_BUFFER_SHADOW_TABLES, &context->shadow_table_count);
@@ -25221,7 +25216,6 @@ SPSI_COLD void spsi_plan_gather_bytes(sps_context *context, const spsi_frame *fr
     if (frame->particles.set_count > 0) spsi_particles_reserve(context, frame, &lists);
     if (spsi_pyramids_wanted(frame)) spsi_pyramids_count(context, frame, reading->bricks_of);
 }
-
 
 /* Counts penumbrae that may turn out sharp, too. Until voxels are read, beams count as twice as wide as sheets. */
 SPSI_COLD sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,

@@ -760,9 +760,9 @@ static int ends_with(const char *text, const char *ending) {
 /* Options for OpenVDB and NanoVDB files say nothing about others; nor can options replace what such a file says. */
 static int check_sparse(const volume_arguments *volume, int is_sparse, ex_error *error) {
     static const char *const own[] = {"--grid", "--fog"}, *const others[] = {"--size", "--type"};
-    const int from = ends_with(volume->file, ".npz"); /* its arrays have names, too */
+    const int has_arrays = ends_with(volume->file, ".npz"); /* which have names, too */
     for (int i = 0; i < 2; ++i) {
-        if (!is_sparse && i >= from && has(volume->given, own[i]))
+        if (!is_sparse && has(volume->given, own[i]) && !(has_arrays && i == 0))
             return ex_fail(error, "%s says nothing about %s, which is not an OpenVDB%s file", own[i], volume->file,
                            i ? " or NanoVDB" : ", NanoVDB or .npz");
         if (is_sparse && has(volume->given, others[i]))

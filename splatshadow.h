@@ -501,8 +501,8 @@ typedef struct sps_tmap_settings {
     int components;     /* floats per texel; 0: the technique's default, or fewer to stay within byte_budget */
     size_t byte_budget; /* maximum size of the finished map, including surfaces; 0: no limit */
     /* Depths along the light's axis or direction (six faces: the nearest coordinate axis), 0 <= near < far. They should
-       contain all gas: gas outside counts at the near or far end. Opaque surfaces cast shadows from anywhere, but
-       points before near_depth are lit. */
+       contain all gas, or a cascade's part of it: gas before near_depth counts there (sps_tmap_fronts), gas behind
+       far_depth at the far end. Opaque surfaces cast shadows from anywhere, but points before near_depth are lit. */
     double near_depth, far_depth;
     /* Opacity: u of each plane, increasing from above 0 to 1; copied. Requires `components`: the number of planes (deep
        opacity: two more). NULL: even steps. Other techniques ignore members from here to epsilon. */
@@ -851,8 +851,7 @@ typedef struct sps_stats_report {
     uint64_t layers;         /* translucent polygons in pixels; with coverage_samples, also polygons at edges */
     uint64_t shadow_rays;    /* rays from pixels' polygons to lights, including unoccluded ones */
     uint64_t particles;      /* particles of non-zero radius and optical depth */
-    /* Transmittance maps: particles outside near_depth..far_depth; message_fn reports them, and voxels outside. */
-    uint64_t particles_outside;
+    uint64_t particles_outside; /* maps: particles beyond far_depth; message_fn reports them, and voxels there */
     uint64_t slabs, slabs_empty; /* over all sweeps */
     /* Footprints: splatted voxels and particles, per tile and chunk of slabs. Fragments: their pixels times slabs
        (particles: pixels of their boxes). */
@@ -896,10 +895,10 @@ typedef struct sps_tmap_info {
     int face_count;     /* 1, or 6 */
     int is_finished;    /* 1: it can be queried and uploaded */
     int item_floats;    /* floats per texel in sps_tmap_texels; deep, compressed: per interval or node */
-    size_t texel_count; /* all faces; also the length of sps_tmap_surfaces; sps_tmap_starts has one more */
+    size_t texel_count; /* all faces; also the length of sps_tmap_surfaces and _fronts; sps_tmap_starts has one more */
     size_t float_count; /* length of sps_tmap_texels; deep, compressed: 0 before sps_tmap_finish */
-    /* Memory of the map, except up to 32 bytes per allocation. Before sps_tmap_finish, it excludes intervals, nodes and
-       surfaces (4 per texel). */
+    /* Memory of the map, except up to 32 bytes per allocation. Before sps_tmap_finish, it excludes intervals, nodes,
+       surfaces and fronts (4 per texel each). */
     size_t bytes;
     sps_tmap_settings settings; /* resolved: never SPS_TMAP_DEFAULT, actual components; planes belong to the map */
 } sps_tmap_info;
@@ -919,7 +918,8 @@ typedef struct sps_tmap_constants {
     /* A surface shadows points farther behind it than bias + bias_per_distance * distance. */
     float bias, bias_per_distance;
     int32_t face, face_count;
-    int32_t padding_0, padding_1; /* 0 */
+    int32_t has_fronts; /* 1: sps_tmap_fronts is not NULL */
+    int32_t padding;    /* 0 */
 } sps_tmap_constants;
 
 typedef struct sps_tmap sps_tmap; /* opaque; belongs to the context it was made with */
@@ -1028,7 +1028,7 @@ SPS_API sps_result sps_tmap_bounds(const sps_tmap *map, size_t count, const doub
 
 /* Returns the texels to upload, rows from the top, `components` floats each. Deep maps have intervals (u0, u1, optical
    depth, softness), compressed maps nodes (u, transmittance), texel after texel. Softness is 0 for uniform density, 1
-   for a soft particle's chord, less if the light lies inside it. Gas outside u = 0..1 counts at 0 or 1. Six faces
+   for a soft particle's chord, less if the light lies inside it. Gas behind u = 1 counts there. Six faces
    follow each other, +x -x +y -y +z -z. Columns and rows run along the next two axes, y z, z x or x y. Centres of
    outermost texels lie on the cube's edges: not a hardware cube map. Valid until sps_tmap_destroy; NULL before
    sps_tmap_finish. examples/shaders/ samples them as sps_tmap_query does. */
@@ -1041,6 +1041,10 @@ SPS_API const uint32_t *sps_tmap_starts(const sps_tmap *map);
 /* Returns u of each texel's first opaque surface: below 0 if before near_depth, 1e30 if there is none. Valid as long as
    sps_tmap_texels. NULL if the map has none. */
 SPS_API const float *sps_tmap_surfaces(const sps_tmap *map);
+
+/* Returns each texel's optical depth of gas and translucent polygons before near_depth, to be added to that of the
+   texel. Valid as long as sps_tmap_texels. NULL if the map has none, and for lists, which include it at u = 0. */
+SPS_API const float *sps_tmap_fronts(const sps_tmap *map);
 
 /* Writes the projection of world points onto a face of the map (0, or 0..5): row-major, (X, Y, D, W) = matrix * (x, y,
    z, 1). The texel is (X / W, Y / W); whole numbers are texel centres. D is distance as in near_depth; W <= 0 is behind
@@ -13853,6 +13857,7 @@ typedef struct spsi_tmap_data {
     spsi_buffer texels;   /* components, intervals or nodes */
     spsi_buffer starts;   /* lists: each texel's first item, and the end */
     spsi_buffer surfaces; /* u of the nearest opaque surface; no data: none */
+    spsi_buffer fronts;   /* optical depth before near_depth; no data: none */
 } spsi_tmap_data;
 
 /* A light's shadow table: optical depth at evenly spaced planes, packed in adjacent pairs. */
@@ -13874,6 +13879,7 @@ struct sps_tmap {
     sps_view view;
     double matrix[16]; /* world_to_clip */
     int has_range;     /* 1: a texel begins with the ends of its range */
+    int has_fronts;    /* 1: optical depth before near_depth is summed apart, since there is no plane at u = 0 */
     int replace_invalid, finished, failed;
     spsi_light_grid grid;
     double bias[2];           /* surface bias in t: bias[0] + bias[1] * t */
@@ -13917,6 +13923,15 @@ static void spsi_tmap_depths(const sps_tmap *map, const spsi_texel *texel, int c
     spsi_tmap_within(map, texel, count, u, within);
     for (; first < count && within[first] < 0; ++first) depths[first] = 0;
     map->technique->depths(&map->inner, texel, count - first, within + first, depths + first);
+}
+
+/* Optical depth of a texel's gas in front of u. */
+static double spsi_tmap_texel_depth(const sps_tmap *map, size_t index, float u) {
+    const spsi_texel texel = spsi_tmap_texel(map, index);
+    const float *fronts = (const float *)map->data.fronts.data;
+    float depth = 0;
+    spsi_tmap_depths(map, &texel, 1, &u, &depth);
+    return (double)depth + (fronts ? (double)fronts[index] : 0);
 }
 
 typedef struct spsi_tmap_quad {
@@ -13977,12 +13992,9 @@ static double spsi_tmap_at(const sps_tmap *map, const double point[3], double *l
     double sum = 0;
     *lit = 1;
     if (!spsi_tmap_locate(map, point, &quad)) return 0;
-    for (int i = 0; i < 4; ++i) {
-        float depth = 0;
-        const spsi_texel texel = spsi_tmap_texel(map, spsi_quad_texel(map, &quad, i));
-        if (quad.weight[i] > 0) spsi_tmap_depths(map, &texel, 1, &quad.u, &depth);
-        sum += quad.weight[i] * (double)depth;
-    }
+    for (int i = 0; i < 4; ++i)
+        if (quad.weight[i] > 0)
+            sum += quad.weight[i] * spsi_tmap_texel_depth(map, spsi_quad_texel(map, &quad, i), quad.u);
     *lit = spsi_tmap_lit(map, &quad);
     return spsi_dmin(sum, (double)SPSI_DEPTH_MAX);
 }
@@ -14086,20 +14098,23 @@ static double spsi_optical_depth_with_surfaces(double depth, double lit) {
 
 /* Guaranteed bounds on optical depth at a world point, including surfaces. */
 static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], double bracket[2]) {
+    const float *fronts = (const float *)map->data.fronts.data;
     spsi_tmap_quad quad;
     bracket[0] = bracket[1] = 0;
     if (!spsi_tmap_locate(map, point, &quad)) return;
     for (int i = 0; i < 4; ++i) {
         float bounds[2];
         if (!(quad.weight[i] > 0)) continue;
-        const spsi_texel texel = spsi_tmap_texel(map, spsi_quad_texel(map, &quad, i));
+        const size_t index = spsi_quad_texel(map, &quad, i);
+        const double front = fronts ? (double)fronts[index] : 0;
+        const spsi_texel texel = spsi_tmap_texel(map, index);
         float within;
         spsi_tmap_within(map, &texel, 1, &quad.u, &within);
         bounds[0] = 0;
         bounds[1] = SPSI_DEPTH_MAX;
         within = spsi_fmax(within, 0); /* a range may begin behind the first occluder */
         if (map->technique->bracket) map->technique->bracket(&map->inner, &texel, within, bounds);
-        for (int k = 0; k < 2; ++k) bracket[k] += quad.weight[i] * (double)bounds[k];
+        for (int k = 0; k < 2; ++k) bracket[k] += quad.weight[i] * ((double)bounds[k] + front);
     }
     const double lit = spsi_tmap_lit(map, &quad);
     for (int k = 0; k < 2; ++k) bracket[k] = spsi_optical_depth_with_surfaces(bracket[k], lit);
@@ -14187,7 +14202,7 @@ static void spsi_map_tile_place(const spsi_filling *filling, int column, spsi_ma
     into->stride = (size_t)(into->width * into->height) + SPSI_LANES;
     const size_t before = (size_t)into->x0 * (size_t)into->height + (size_t)column * SPSI_LANES;
     into->ranges = filling->band.ranges ? filling->band.ranges + 2 * before : NULL; /* lists have none */
-    into->floats = filling->map->inner.components;
+    into->floats = filling->map->inner.components + filling->map->has_fronts;
     if (filling->visit == SPSI_VISIT_BINS) into->floats = spsi_range_bins[filling->map->technique->points].components;
     into->sums = filling->band.sums ? filling->band.sums + (size_t)into->floats * before : NULL;
 }
@@ -14275,11 +14290,22 @@ static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_inte
     }
 }
 
+/* Adds optical depth before near_depth, for texels from (x, y). */
+static void spsi_insert_front(const spsi_map_tile *into, int x, int y, spsi_v depth) {
+    const size_t plane = (size_t)into->filling->map->inner.components * into->stride;
+    if (into->filling->visit != SPSI_VISIT_SUMS) return;
+    spsi_accumulate(into->sums + plane + spsi_map_tile_at(into, x, y), depth);
+}
+
 /* --- particles --- */
 
+static spsi_v spsi_in_first_lane(float value) {
+    return spsi_select(spsi_less(spsi_iota(), spsi_set(0.5f)), spsi_set(value), spsi_set(0));
+}
+
 static void spsi_insert_one(const spsi_map_tile *into, int x, int y, const spsi_interval *interval) {
-    const spsi_v depth = spsi_select(spsi_less(spsi_iota(), spsi_set(0.5f)), spsi_set(interval->depth), spsi_set(0));
-    const spsi_intervals one = {spsi_set(interval->u0), spsi_set(interval->u1), depth, interval->soft};
+    const spsi_intervals one = {spsi_set(interval->u0), spsi_set(interval->u1), spsi_in_first_lane(interval->depth),
+                                interval->soft};
     if (interval->depth > 0) spsi_insert(into, x, y, &one);
 }
 
@@ -14326,16 +14352,25 @@ static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const sps
     spsi_insert_one(into, x, y, &back);
 }
 
-/* Inserts a chord, cut at the light. `in_t`: middle and half length in t, optical depth. */
+/* Fraction of a chord's optical depth in its last `part`. */
+static double spsi_chord_rest(int soft, double part) {
+    const double rest = spsi_dmax(part, 0);
+    return soft ? rest * rest * (3 - 2 * rest) : rest;
+}
+
+/* Inserts a chord, cut at the light and, with fronts, at near_depth. `in_t`: middle and half length in t, optical
+   depth. */
 static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, const float in_t[3]) {
     const spsi_filling *filling = into->filling;
-    const double per_t = filling->map->grid.per_depth, light = filling->light_u;
+    const double per_t = filling->map->grid.per_depth;
     const double u0 = ((double)in_t[0] - (double)in_t[1]) * per_t, u1 = ((double)in_t[0] + (double)in_t[1]) * per_t;
-    const double from = spsi_dmax(u0, light), part = (u1 - from) / (u1 - u0);
-    const double share = soft ? part * part * (3 - 2 * part) : part;
+    const double lit = spsi_dmax(u0, filling->light_u), from = filling->map->has_fronts ? spsi_dmax(lit, 0) : lit;
+    const double part = (u1 - from) / (u1 - u0), share = spsi_chord_rest(soft, part);
+    const double front = spsi_chord_rest(soft, (u1 - lit) / (u1 - u0)) - share;
     const double first = spsi_dmax(from, -SPSI_INTERVAL_REACH), last = spsi_dmax(u1, -SPSI_INTERVAL_REACH);
     const spsi_interval rest = {(float)spsi_dmin(first, 1), (float)spsi_dmin(last, SPSI_INTERVAL_REACH),
                                 (float)((double)in_t[2] * share), soft ? (float)part : 0};
+    if (front > 0) spsi_insert_front(into, x, y, spsi_in_first_lane((float)((double)in_t[2] * front)));
     if (!(part > 0)) return;
     if (filling->map->technique->points && filling->visit == SPSI_VISIT_SUMS)
         spsi_insert_parts(into, x, y, &rest);
@@ -14343,13 +14378,21 @@ static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, c
         spsi_insert_one(into, x, y, &rest);
 }
 
+/* Adds chords between the light and near_depth to the fronts, and takes them out. */
+static void spsi_insert_chords_before(const spsi_map_tile *into, int x, int y, spsi_intervals *intervals) {
+    const spsi_v zero = spsi_set(0), light = spsi_set((float)spsi_dmax(into->filling->light_u, -SPSI_INTERVAL_REACH));
+    const spsi_m before = spsi_and(spsi_less(intervals->u1, zero), spsi_less(light, intervals->u0));
+    spsi_insert_front(into, x, y, spsi_select(before, intervals->depth, zero));
+    intervals->depth = spsi_select(before, zero, intervals->depth);
+}
+
 /* Inserts a vector of chords. Chords that contain the light or must be split are inserted singly. */
 static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sphere, int x, int y, int last) {
     const spsi_filling *filling = into->filling;
     const int parts = filling->map->technique->points;
     const spsi_v per_t = spsi_set((float)filling->map->grid.per_depth), zero = spsi_set(0), one = spsi_set(1);
-    spsi_v range[2] = {spsi_set((float)spsi_dmax(filling->light_u, -SPSI_INTERVAL_REACH)),
-                       spsi_set((float)SPSI_INTERVAL_REACH)};
+    const double begin = filling->map->has_fronts ? 0 : spsi_dmax(filling->light_u, -SPSI_INTERVAL_REACH);
+    spsi_v range[2] = {spsi_set((float)begin), spsi_set((float)SPSI_INTERVAL_REACH)};
     if (parts) spsi_map_tile_range(into, spsi_map_tile_at(into, x, y), range);
     const spsi_m here = spsi_less(spsi_iota(), spsi_set((float)(last - x) + 0.5f));
     float lanes[3][SPSI_LANES];
@@ -14358,6 +14401,7 @@ static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sph
     spsi_intervals intervals = {spsi_mul(spsi_sub(chord.middle, chord.half), per_t),
                                 spsi_mul(spsi_add(chord.middle, chord.half), per_t),
                                 spsi_select(here, spsi_chord_depth(sphere, &chord), zero), (float)sphere->soft};
+    if (filling->map->has_fronts) spsi_insert_chords_before(into, x, y, &intervals);
     const int bits = spsi_bits(spsi_less(zero, intervals.depth));
     const int before = spsi_bits(spsi_less(intervals.u0, range[0]));
     const int cut = bits & (before | spsi_bits(spsi_less(range[1], intervals.u1)));
@@ -14396,7 +14440,9 @@ static void spsi_insert_triangle(const spsi_map_tile *into, int number) {
             if (!spsi_face_hit(&edges, x, y, w)) continue;
             t = w[0] * edges.depth[0] + w[1] * edges.depth[1] + w[2] * edges.depth[2];
             u = t * map->grid.per_depth; /* may lie outside 0..1 */
-            if (!opaque) {
+            if (!opaque && u < 0 && map->has_fronts) {
+                spsi_insert_front(into, x, y, spsi_in_first_lane(depth));
+            } else if (!opaque) {
                 const float at = (float)spsi_dmin(spsi_dmax(u, 0), 1);
                 const spsi_interval sheet = {at, at, depth, 0};
                 spsi_insert_one(into, x, y, &sheet);
@@ -14447,11 +14493,17 @@ static void spsi_fill_task(void *data, int index) {
 
 /* --- volumes --- */
 
+/* Fraction of a slab from u that lies before near_depth. */
+static double spsi_slab_before(const spsi_filling *filling, double u) {
+    return spsi_dmin(spsi_dmax(-u / filling->u_per_slab, 0), 1);
+}
+
 static void spsi_insert_slabs(const spsi_map_tile *into, const spsi_tile *tile) {
     const spsi_filling *filling = into->filling;
     const spsi_map_volumes *volumes = filling->occluders->volumes;
     const spsi_light_shader *shader = &volumes->shader;
     const int first_slab = volumes->contents.first_slab, margin = volumes->target.shape.slab_margin;
+    const double first = filling->map->technique->lists ? -SPSI_INTERVAL_REACH : 0; /* lists may begin before u = 0 */
     for (int y = into->y0; y < into->y0 + into->height; ++y)
         for (int x = into->x0; x < into->x0 + into->width; x += SPSI_LANES) {
             const size_t from = (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
@@ -14460,12 +14512,15 @@ static void spsi_insert_slabs(const spsi_map_tile *into, const spsi_tile *tile) 
             const spsi_m here = spsi_less(at, spsi_set((float)(into->x0 + into->width) - 0.5f));
             for (int k = 0; k < SPSI_CHUNK; ++k) {
                 const double u = filling->slab_u + (first_slab + k) * filling->u_per_slab;
+                const double before = filling->map->has_fronts ? spsi_slab_before(filling, u) : 0;
                 spsi_v depth = spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size, &slabs);
                 depth = spsi_select(here, spsi_min(depth, spsi_set(SPSI_DEPTH_MAX)), spsi_set(0));
                 if (!spsi_bits(spsi_less(spsi_set(0), depth))) continue;
-                const spsi_intervals intervals = {spsi_set((float)spsi_dmin(spsi_dmax(u, 0), 1)),
+                if (before > 0) spsi_insert_front(into, x, y, spsi_mul(depth, spsi_set((float)before)));
+                if (before >= 1) continue;
+                const spsi_intervals intervals = {spsi_set((float)spsi_dmin(spsi_dmax(u, first), 1)),
                                                   spsi_set((float)spsi_dmin(spsi_dmax(u + filling->u_per_slab, 0), 1)),
-                                                  depth, 0};
+                                                  spsi_mul(depth, spsi_set((float)(1 - before))), 0};
                 spsi_insert(into, x, y, &intervals);
             }
         }
@@ -14546,6 +14601,8 @@ static void spsi_store_task(void *data, int index) {
         }
         SPSI_ROLLED for (int k = 0; k < components; ++k) out[k] = into.sums[(size_t)k * into.stride + (size_t)i];
         if (map->technique->finish) map->technique->finish(&map->inner, out);
+        if (map->has_fronts)
+            ((float *)map->data.fronts.data)[texel] = into.sums[(size_t)components * into.stride + (size_t)i];
         const spsi_texel whole = {out, 0};
         if (map->table) spsi_shadow_table_evaluate(map, texel, &whole);
     }
@@ -14568,7 +14625,7 @@ SPSI_COLD sps_result spsi_fill_band(spsi_filling *filling, spsi_visit visit) {
 
 /* Floats per texel of a band. */
 SPSI_COLD int spsi_fill_floats(const sps_tmap *map) {
-    const int components = map->inner.components;
+    const int components = map->inner.components + map->has_fronts;
     return map->has_range ? 2 + spsi_imax(components, spsi_range_bins[map->technique->points].components) : components;
 }
 
@@ -14801,19 +14858,15 @@ SPSI_COLD void spsi_spheres_into_tiles(const spsi_sphere *spheres, const uint32_
     }
 }
 
-/* Counts spheres beyond the depth range; on a cube, only on their centre's face. */
+/* Counts spheres beyond far_depth; on a cube, only on their centre's face. */
 SPSI_COLD void spsi_spheres_outside(sps_tmap *map, const spsi_rays *rays, const spsi_sphere *spheres, size_t count) {
     const double per_length = rays->per_length;
-    const double light = rays->perspective ? -map->grid.near_depth * map->grid.per_depth : -HUGE_VAL;
     for (size_t i = 0; i < count; ++i) {
         const spsi_sphere *sphere = &spheres[i];
         const double radius = sphere->near_by ? (double)sphere->world_radius * per_length : (double)sphere->radius;
-        const double low =
-            spsi_dmax(((double)sphere->t - radius) * map->grid.per_depth, light); /* nothing is lost behind the light */
-        const double high = ((double)sphere->t + radius) * map->grid.per_depth;
         double offset[3];
-        if (sphere->x1 < sphere->x0 || sphere->y1 < sphere->y0 || (low > -SPSI_OUTSIDE && high < 1 + SPSI_OUTSIDE))
-            continue;
+        if (sphere->x1 < sphere->x0 || sphere->y1 < sphere->y0) continue;
+        if (((double)sphere->t + radius) * map->grid.per_depth < 1 + SPSI_OUTSIDE) continue;
         for (int k = 0; k < 3; ++k) offset[k] = (double)sphere->offset[k];
         if (map->grid.face_count > 1 && rays != &map->grid.rays[spsi_cube_face_of(offset)]) continue;
         map->context->stats.particles_outside += 1;
@@ -14962,6 +15015,11 @@ SPSI_COLD sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occlu
     return SPS_OK;
 }
 
+/* 1: light passes some way before near_depth. Lists hold that way themselves. */
+static int spsi_tmap_may_have_fronts(const sps_tmap *map) {
+    return map->technique->insert && (!map->grid.rays[0].perspective || map->grid.near_depth > 0);
+}
+
 static size_t spsi_tmap_known_items(const sps_tmap *map) {
     const size_t texels = spsi_light_grid_texels(&map->grid);
     return map->technique->lists ? texels + 1 : texels * (size_t)map->settings.components;
@@ -14970,7 +15028,7 @@ static size_t spsi_tmap_known_items(const sps_tmap *map) {
 /* Bytes of a map, as far as known. */
 SPSI_COLD size_t spsi_tmap_bytes(const sps_tmap *map) {
     const size_t fixed = sizeof *map + map->planes.size;
-    if (map->finished) return fixed + map->data.texels.size + map->data.starts.size + map->data.surfaces.size;
+    if (map->finished) return fixed + map->data.texels.size + map->data.starts.size + map->data.surfaces.size + map->data.fronts.size;
     return fixed + spsi_tmap_known_items(map) * sizeof(float);
 }
 
@@ -14981,6 +15039,8 @@ SPSI_COLD sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
     if (!spsi_buffer_reserve(map->context, known, spsi_tmap_known_items(map), sizeof(float)))
         return map->context->result;
     if (map->technique->lists) memset(known->data, 0, (texels + 1) * sizeof(uint32_t));
+    if (map->has_fronts && !spsi_buffer_reserve(map->context, &map->data.fronts, texels, sizeof(float)))
+        return map->context->result;
     if (!has_surfaces) return SPS_OK;
     float *surfaces = (float *)spsi_buffer_reserve(map->context, &map->data.surfaces, texels, sizeof(float));
     for (size_t i = 0; i < texels && surfaces; ++i) surfaces[i] = SPSI_NO_SURFACE;
@@ -14998,6 +15058,35 @@ SPSI_COLD sps_result spsi_tmap_trim(sps_tmap *map) {
     return SPS_OK;
 }
 
+/* 1: translucent polygons or gas may lie before near_depth. */
+SPSI_COLD int spsi_tmap_needs_fronts(const sps_tmap *map, const spsi_occluders *occluders) {
+    const spsi_content *content = occluders->frame->content;
+    const spsi_rays *rays = &map->grid.rays[0];
+    double at[3], q[3];
+    if (map->table || !spsi_tmap_may_have_fronts(map)) return 0;
+    if (map->grid.face_count > 1) return 1;
+    for (int i = 0; i < occluders->faces.count; ++i)
+        if (spsi_face_is_translucent(&occluders->faces.list[i])) return 1;
+    for (int corner = 0; corner < 8 && occluders->volumes; ++corner)
+        if (spsi_light_grid_corner_depth(&map->grid, &content->bounds, corner) < map->grid.near_depth) return 1;
+    for (int i = 0; i < content->particle_count; ++i) {
+        const spsi_particle *particle = &content->particles[i];
+        for (int k = 0; k < 3; ++k) at[k] = (double)particle->position[k];
+        spsi_point_to_rays(rays, at, q);
+        if (q[2] - (double)particle->radius * rays->per_length < map->grid.near_depth) return 1;
+    }
+    return 0;
+}
+
+/* Frees fronts that are 0 everywhere. */
+SPSI_COLD void spsi_tmap_drop_fronts(sps_tmap *map) {
+    const float *fronts = (const float *)map->data.fronts.data;
+    const size_t texels = spsi_light_grid_texels(&map->grid);
+    for (size_t i = 0; i < texels && fronts; ++i)
+        if (fronts[i] > 0) return;
+    spsi_buffer_release(map->context, &map->data.fronts);
+}
+
 /* Voxels and particles must have been gathered. */
 SPSI_COLD sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     sps_context *context = map->context;
@@ -15009,6 +15098,7 @@ SPSI_COLD sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     }
     for (int i = 0; i < occluders->faces.count; ++i)
         has_surfaces |= spsi_face_optical_depth(&occluders->faces.list[i]) >= SPSI_DEPTH_MAX;
+    map->has_fronts = spsi_tmap_needs_fronts(map, occluders);
     if (spsi_tmap_reserve_texels(map, has_surfaces)) return context->result;
     memset(&filling, 0, sizeof filling);
     filling.context = context;
@@ -15022,6 +15112,7 @@ SPSI_COLD sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     if ((map->technique->lists && !map->table && spsi_tmap_trim(map)) ||
         spsi_progress(context, spsi_call_stage_done(&occluders->part, 1)))
         return context->result;
+    spsi_tmap_drop_fronts(map);
     map->finished = 1;
     map->finished =
         !spsi_check_map_budget(context, -1, map->settings.byte_budget, (double)spsi_tmap_bytes(map));
@@ -15063,11 +15154,12 @@ SPSI_COLD sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light 
 SPSI_COLD sps_result spsi_tmap_resolve(sps_tmap *map) {
     const spsi_technique *technique = map->technique;
     sps_tmap_settings *settings = &map->settings;
-    const size_t budget = settings->byte_budget, surfaces = spsi_light_grid_texels(&map->grid) * sizeof(float);
+    const size_t budget = settings->byte_budget, texels = spsi_light_grid_texels(&map->grid);
+    const size_t others = (size_t)(1 + spsi_tmap_may_have_fronts(map)) * texels * sizeof(float); /* at most */
     const int is_set = settings->components > 0;
     map->has_range = spsi_settings_have_range(settings);
     settings->components = spsi_components_of(settings);
-    while (!is_set && budget && spsi_tmap_bytes(map) + surfaces > budget && technique->step > 0 &&
+    while (!is_set && budget && spsi_tmap_bytes(map) + others > budget && technique->step > 0 &&
            settings->components - technique->step >= spsi_components_least(settings))
         settings->components -= technique->step;
     if (!(settings->epsilon > 0)) settings->epsilon = is_set ? SPSI_THIN_EPSILON : 0.01f;
@@ -15173,26 +15265,23 @@ SPSI_COLD spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     return frame;
 }
 
-/* True if the voxels' box exceeds the depth range. */
+/* True if the voxels' box reaches beyond far_depth. */
 SPSI_COLD int spsi_voxels_outside(const sps_tmap *map, const spsi_bounds *bounds) {
-    const double near_depth = map->grid.near_depth, room = SPSI_OUTSIDE / map->grid.per_depth;
-    for (int corner = 0; corner < 8 && !spsi_bounds_empty(bounds); ++corner) {
-        const double t = spsi_light_grid_corner_depth(&map->grid, bounds, corner);
-        if (t > map->grid.far_depth + room) return 1;
-        if (t < near_depth - room && !(map->grid.rays[0].perspective && !(t > 0))) return 1;
-    }
+    const double last = map->grid.far_depth + SPSI_OUTSIDE / map->grid.per_depth;
+    for (int corner = 0; corner < 8 && !spsi_bounds_empty(bounds); ++corner)
+        if (spsi_light_grid_corner_depth(&map->grid, bounds, corner) > last) return 1;
     return 0;
 }
 
-/* Reports gas beyond the depth range (added at its ends). */
+/* Reports gas beyond far_depth (added there). */
 SPSI_COLD void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *frame) {
     const double particles = (double)map->context->stats.particles_outside;
     const int voxels = frame->medium_count > 0 && spsi_voxels_outside(map, &frame->content->bounds);
     char counted[40] = "", text[160];
     if (!(particles > 0) && !voxels) return;
     if (particles > 0) SPS_SNPRINTF(counted, sizeof counted, "%.0f of the particles%s", particles, voxels ? ", " : "");
-    SPS_SNPRINTF(text, sizeof text, "tmap: gas beyond near_depth %g or far_depth %g counts there: %s%s",
-                 map->settings.near_depth, map->settings.far_depth, counted, voxels ? "the box about all voxels" : "");
+    SPS_SNPRINTF(text, sizeof text, "tmap: gas beyond far_depth %g counts there: %s%s", map->settings.far_depth, counted,
+                 voxels ? "the box about all voxels" : "");
     spsi_tell(map->context, text);
 }
 
@@ -15359,6 +15448,7 @@ static void spsi_table_bytes(const spsi_frame *frame, const spsi_light *light, c
     map.grid = *grid;
     map.technique = &spsi_techniques[light->map.technique];
     map.has_range = spsi_settings_have_range(&light->map);
+    map.has_fronts = 0;
     map.inner.components = (int)components - 2 * map.has_range;
     *held = 2 * sizeof(spsi_shadow_table) + texels * planes * sizeof(uint32_t); /* also the cached table */
     *filling = sizeof(spsi_map_volumes) + spsi_band_floats(&map, spsi_fill_floats(&map)) * sizeof(float);
@@ -28104,6 +28194,7 @@ SPS_API void sps_tmap_destroy(sps_tmap *map) {
     spsi_buffer_release(map->context, &map->data.texels);
     spsi_buffer_release(map->context, &map->data.starts);
     spsi_buffer_release(map->context, &map->data.surfaces);
+    spsi_buffer_release(map->context, &map->data.fronts);
     map->context->tmap_count -= 1;
     spsi_release(map->context, map);
 }
@@ -28206,6 +28297,10 @@ SPS_API const float *sps_tmap_surfaces(const sps_tmap *map) {
     return map && map->finished ? (const float *)map->data.surfaces.data : NULL;
 }
 
+SPS_API const float *sps_tmap_fronts(const sps_tmap *map) {
+    return map && map->finished ? (const float *)map->data.fronts.data : NULL;
+}
+
 SPS_API sps_result sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]) {
     if (!map || !map->finished || face < 0 || face >= map->grid.face_count) return SPS_ERROR_ARGUMENT;
     if (matrix) spsi_rays_matrix(&map->grid.rays[face], matrix);
@@ -28236,6 +28331,7 @@ SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tma
     constants->far_depth = (float)settings->far_depth;
     constants->bias = (float)bias[0];
     constants->bias_per_distance = (float)bias[1];
+    constants->has_fronts = map->data.fronts.data != NULL;
     constants->face = face;
     constants->face_count = map->grid.face_count;
     return SPS_OK;

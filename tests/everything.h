@@ -383,6 +383,7 @@ static inline void make_map(sps_context *context, outcome *out) {
         append(out, depths, 8);
         append(out, sps_tmap_texels(map), info.float_count);
         append(out, sps_tmap_surfaces(map), info.texel_count);
+        append(out, sps_tmap_fronts(map), info.texel_count);
     }
     sps_tmap_destroy(map);
 }

@@ -292,7 +292,8 @@ static inline void begin_mixed(fixture *f, int technique) {
 /* ------------------------------------------------------------------------------------------------------------ order */
 
 static inline size_t float_count(const sps_tmap *map) {
-    const size_t texels = (size_t)map->grid.rays[0].width * (size_t)map->grid.rays[0].height * (size_t)map->grid.face_count;
+    const size_t texels =
+        (size_t)map->grid.rays[0].width * (size_t)map->grid.rays[0].height * (size_t)map->grid.face_count;
     if (map->technique->lists)
         return (map->settings.technique == SPS_TMAP_DEEP ? 4 : 2) * (size_t)sps_tmap_starts(map)[texels];
     return texels * (size_t)map->settings.components;
@@ -300,10 +301,13 @@ static inline size_t float_count(const sps_tmap *map) {
 
 static inline int same_map(const sps_tmap *a, const sps_tmap *b) {
     const size_t texels = (size_t)a->grid.rays[0].width * (size_t)a->grid.rays[0].height * (size_t)a->grid.face_count;
-    if (float_count(a) != float_count(b) || !sps_tmap_surfaces(a) != !sps_tmap_surfaces(b)) return 0;
+    if (float_count(a) != float_count(b) || !sps_tmap_surfaces(a) != !sps_tmap_surfaces(b) ||
+        !sps_tmap_fronts(a) != !sps_tmap_fronts(b))
+        return 0;
     if (memcmp(sps_tmap_texels(a), sps_tmap_texels(b), float_count(a) * sizeof(float)) != 0) return 0;
     if (sps_tmap_surfaces(a) && memcmp(sps_tmap_surfaces(a), sps_tmap_surfaces(b), texels * sizeof(float)) != 0)
         return 0;
+    if (sps_tmap_fronts(a) && memcmp(sps_tmap_fronts(a), sps_tmap_fronts(b), texels * sizeof(float)) != 0) return 0;
     return !sps_tmap_starts(a) || memcmp(sps_tmap_starts(a), sps_tmap_starts(b), (texels + 1) * sizeof(uint32_t)) == 0;
 }
 

@@ -31,6 +31,7 @@ own_buffers() {
     echo '#define TMAP_SURFACE(map, i) texelFetch(surfaces, ivec2((i) % (map).width, (i) / (map).width), 0).x'
     echo '#define TMAP_PLANE(map, i)   floats[1000 + (i)]'
     echo '#define TMAP_START(map, i)   numbers[i]'
+    echo '#define TMAP_FRONT(map, i)   floats[2000 + (i)]'
     echo '#define tmap_bound own_map'
 }
 

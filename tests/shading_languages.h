@@ -51,8 +51,9 @@ template <class T> struct StructuredBuffer {
 #include "shaders/transmittance_map.hlsl"
 #undef cbuffer
 
-inline void bind(const float *texels, const float *surfaces, const float *planes, const uint32_t *starts) {
-    tmap_texels.data = texels, tmap_surfaces.data = surfaces, tmap_planes.data = planes, tmap_starts.data = starts;
+inline void bind(const float *texels, const float *others[3], const uint32_t *starts) {
+    tmap_texels.data = texels, tmap_starts.data = starts;
+    tmap_surfaces.data = others[0], tmap_fronts.data = others[1], tmap_planes.data = others[2];
 }
 
 #else
@@ -68,6 +69,7 @@ inline float mix(float a, float b, float t) { return a + t * (b - a); }
 #define tmap_surfaces (*tmap_surfaces)
 #define tmap_planes   (*tmap_planes)
 #define tmap_starts   (*tmap_starts)
+#define tmap_fronts   (*tmap_fronts)
 #include "shaders/transmittance_map.glsl"
 #undef layout
 #undef readonly
@@ -77,10 +79,11 @@ inline float mix(float a, float b, float t) { return a + t * (b - a); }
 #undef tmap_surfaces
 #undef tmap_planes
 #undef tmap_starts
+#undef tmap_fronts
 
-inline void bind(const float *texels, const float *surfaces, const float *planes, const uint32_t *starts) {
-    tmap_texels = (float(*)[])texels, tmap_surfaces = (float(*)[])surfaces, tmap_planes = (float(*)[])planes;
-    tmap_starts = (uint(*)[])starts;
+inline void bind(const float *texels, const float *others[3], const uint32_t *starts) {
+    tmap_texels = (float(*)[])texels, tmap_starts = (uint(*)[])starts;
+    tmap_surfaces = (float(*)[])others[0], tmap_fronts = (float(*)[])others[1], tmap_planes = (float(*)[])others[2];
 }
 
 #endif

@@ -12,19 +12,21 @@
 /* The shaders' uniform block and buffers. */
 static tmap tmap_bound;
 
-static void bind(const float *texels, const float *surfaces, const float *planes, const uint32_t *starts) {
-    tmap_bound.texels = texels, tmap_bound.surfaces = surfaces, tmap_bound.planes = planes, tmap_bound.starts = starts;
+static void bind(const float *texels, const float *others[3], const uint32_t *starts) {
+    tmap_bound.texels = texels, tmap_bound.starts = starts;
+    tmap_bound.surfaces = others[0], tmap_bound.fronts = others[1], tmap_bound.planes = others[2];
 }
 #endif
 
 /* As bound. */
-static const float *texels, *surfaces, *planes;
+static const float *texels, *surfaces, *fronts, *planes;
 static const uint32_t *starts;
 
 /* The same map with other texels. */
 static void bind_texels(const float *list) {
+    const float *others[3] = {surfaces, fronts, planes};
     texels = list;
-    bind(texels, surfaces, planes, starts);
+    bind(texels, others, starts);
 }
 
 /* -------------------------------------------------------------------------------------------------------- the scene */
@@ -155,13 +157,13 @@ static void hand_over(const sps_tmap *map, const fixture *f) {
     double matrix[16];
     CHECK(sizeof tmap_bound >= sizeof constants && sps_tmap_get_constants(map, 0, &constants) == SPS_OK);
     memcpy((void *)&tmap_bound, &constants, sizeof constants); /* as into a uniform block */
-    starts = sps_tmap_starts(map), surfaces = sps_tmap_surfaces(map), planes = s.planes;
+    starts = sps_tmap_starts(map), surfaces = sps_tmap_surfaces(map), fronts = sps_tmap_fronts(map), planes = s.planes;
     bind_texels(sps_tmap_texels(map));
     CHECK(tmap_bound.technique_id == (int)s.technique && tmap_bound.components == s.components);
     CHECK(tmap_bound.has_range == (s.technique == SPS_TMAP_DEEP_OPACITY || s.technique == SPS_TMAP_BEER ||
                                    (s.technique == SPS_TMAP_FOURIER && s.texel_range)));
     CHECK(tmap_bound.has_planes == (planes != NULL) && tmap_bound.cubic == s.cubic);
-    CHECK(tmap_bound.has_surfaces == (surfaces != NULL));
+    CHECK(tmap_bound.has_surfaces == (surfaces != NULL) && tmap_bound.has_fronts == (fronts != NULL));
     CHECK(tmap_bound.width == f->light.width && tmap_bound.height == f->light.height);
     CHECK(tmap_bound.face == 0 && tmap_bound.face_count == (f->light.omnidirectional ? 6 : 1));
     sps_tmap_get_projection(map, 0, matrix, NULL);
@@ -259,9 +261,10 @@ static span span_of_transmittance(const tmap_place *p) {
         const int row = p->face * tmap_bound.height + tmap_clamp_int(y, 0, tmap_bound.height - 1);
         const int texel = row * tmap_bound.width + tmap_clamp_int(x, 0, tmap_bound.width - 1);
         const double weight = overlap((double)p->x, x) * overlap((double)p->y, y), less = fmax(weight - 4e-5, 0);
+        const double front = fronts ? (double)fronts[texel] : 0;
         const span one = span_about(texel, u);
         const double surface = surfaces ? (double)surfaces[texel] + bias : 1e30;
-        depth.low += less * fmax(one.low, 0), depth.high += (weight + 4e-5) * one.high;
+        depth.low += less * (front + fmax(one.low, 0)), depth.high += (weight + 4e-5) * (front + one.high);
         lit.low += surface - 1e-6 < beyond ? 0 : less;
         lit.high += surface + 1e-6 < beyond ? 0 : weight + 4e-5;
         if (i == 3 && lit.low > 1 - 2e-4) lit.low = lit.high = 1;
@@ -423,17 +426,20 @@ static tmap_place random_place(check_random *random) {
     return p;
 }
 
-/* Interpolates component `component` of four texels, as a texture's bilinear filter does. */
-static double filtered(tmap_place p, int component) {
+/* Interpolates numbers of four texels, `stride` apart, as a texture's bilinear filter does. */
+static double filtered_of(tmap_place p, const float *list, int stride) {
     double sum = 0;
     for (int i = 0; i < 4; ++i) {
         const int x = (int)floorf(p.x) + i % 2, y = (int)floorf(p.y) + i / 2;
         const int texel =
             tmap_clamp_int(y, 0, tmap_bound.height - 1) * tmap_bound.width + tmap_clamp_int(x, 0, tmap_bound.width - 1);
-        sum += overlap((double)p.x, x) * overlap((double)p.y, y) *
-               (double)texels[texel * tmap_bound.components + component];
+        sum += overlap((double)p.x, x) * overlap((double)p.y, y) * (double)list[texel * stride];
     }
     return sum;
+}
+
+static double filtered(tmap_place p, int component) {
+    return filtered_of(p, texels + component, tmap_bound.components);
 }
 
 /* Even planes in a 3D texture of n slices, whose centres are at (i + 0.5) / n. */
@@ -470,7 +476,8 @@ static void test_shortcuts(void) {
         hand_over(map, &f);
         for (int i = 0; i < POINTS; ++i) {
             const tmap_place p = random_place(&random);
-            const double through = exp(-(fourier ? filtered_fourier(p) : filtered_opacity(p)));
+            const double front = fronts ? filtered_of(p, fronts, 1) : 0;
+            const double through = exp(-front - (fourier ? filtered_fourier(p) : filtered_opacity(p)));
             const int near_by = fabs(through - (double)tmap_transmittance(tmap_bound, p)) < 2e-5;
             uncut += near_by;
             if (!fourier) CHECK(near_by);

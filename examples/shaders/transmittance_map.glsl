@@ -12,8 +12,8 @@
        tmap map = tmap_bound;
        map.technique_id = TMAP_DEEP_OPACITY, map.components = 8, map.cubic = 1, map.has_planes = 0;
 
-   An engine with buffers of its own defines TMAP_TEXEL, TMAP_SURFACE, TMAP_PLANE and TMAP_START before it includes this
-   file, and passes a tmap that it has filled itself. */
+   An engine with buffers of its own defines TMAP_TEXEL, TMAP_SURFACE, TMAP_PLANE, TMAP_START and TMAP_FRONT before it
+   includes this file, and passes a tmap that it has filled itself. */
 
 #ifndef TMAP_INCLUDED
 #define TMAP_INCLUDED
@@ -69,7 +69,8 @@ struct tmap {
     float near_depth, far_depth;
     float bias, bias_per_distance; /* of surfaces */
     int face, face_count;          /* the face that the rows are for */
-    int padding_0, padding_1;
+    int has_fronts;                /* 1: sps_tmap_fronts is not NULL */
+    int padding;
     TMAP_ARRAYS
 };
 
@@ -79,12 +80,14 @@ layout(std430, binding = 0) readonly buffer tmap_texel_buffer { float tmap_texel
 layout(std430, binding = 1) readonly buffer tmap_surface_buffer { float tmap_surfaces[]; };
 layout(std430, binding = 2) readonly buffer tmap_plane_buffer { float tmap_planes[]; };
 layout(std430, binding = 3) readonly buffer tmap_start_buffer { uint tmap_starts[]; };
+layout(std430, binding = 5) readonly buffer tmap_front_buffer { float tmap_fronts[]; };
 layout(std140, binding = 4) uniform tmap_block { tmap tmap_bound; };
 #endif
 #define TMAP_TEXEL(map, i)   tmap_texels[i]
 #define TMAP_SURFACE(map, i) tmap_surfaces[i]
 #define TMAP_PLANE(map, i)   tmap_planes[i]
 #define TMAP_START(map, i)   tmap_starts[i]
+#define TMAP_FRONT(map, i)   tmap_fronts[i]
 #endif
 
 /* Throughout, `first` is the index of a texel's first float, n the number of its floats, and u the depth: 0 at
@@ -406,6 +409,7 @@ TMAP_FUNCTION float tmap_transmittance(tmap map, tmap_place p) {
         int texel = row * map.width + tmap_clamp_int(x, 0, map.width - 1);
         float weight = (1.0f - fabsf(p.x - tmap_float(x))) * (1.0f - fabsf(p.y - tmap_float(y)));
         depth += weight * tmap_gas_depth(map, texel, u);
+        depth += map.has_fronts != 0 ? weight * TMAP_FRONT(map, texel) : 0.0f;
         lit += map.has_surfaces != 0 && TMAP_SURFACE(map, texel) + bias < p.u ? 0.0f : weight;
     }
     return lit * expf(-depth);

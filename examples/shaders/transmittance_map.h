@@ -3,11 +3,11 @@
 
        tmap map;
        memcpy(&map, &constants, sizeof constants); // of sps_tmap_constants, 128 bytes
-       map.texels = texels, map.surfaces = surfaces, map.planes = NULL, map.starts = NULL;
+       map.texels = texels, map.surfaces = surfaces, map.fronts = NULL, map.planes = NULL, map.starts = NULL;
        float light_left = tmap_transmittance(map, tmap_project(map, position));
 
-   The arrays are those of sps_tmap_texels, sps_tmap_surfaces, the settings' planes, and sps_tmap_starts; they stay the
-   caller's, and are NULL where the map has none. All functions are static and pure, so that any number of threads may
+   The arrays are those of sps_tmap_texels, sps_tmap_surfaces, sps_tmap_fronts, the settings' planes, and sps_tmap_starts;
+   they stay the caller's, and are NULL where the map has none. All functions are static and pure, so that any number of threads may
    look up any number of maps. */
 
 #ifndef TRANSMITTANCE_MAP_H
@@ -38,12 +38,13 @@ static inline int tmap_clamp_int(int x, int low, int high) { return x < low ? lo
 
 #define TMAP_FUNCTION static inline
 #define TMAP_ARRAYS                                                                                                    \
-    const float *texels, *surfaces, *planes;                                                                           \
+    const float *texels, *surfaces, *fronts, *planes;                                                                  \
     const uint32_t *starts;
 #define TMAP_TEXEL(map, i)   (map).texels[i]
 #define TMAP_SURFACE(map, i) (map).surfaces[i]
 #define TMAP_PLANE(map, i)   (map).planes[i]
 #define TMAP_START(map, i)   (map).starts[i]
+#define TMAP_FRONT(map, i)   (map).fronts[i]
 #define tmap_float(x)        ((float)(x))
 #define tmap_int(x)          ((int)(x))
 #include "transmittance_map.glsl"

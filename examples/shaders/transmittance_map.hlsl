@@ -19,6 +19,7 @@ StructuredBuffer<float> tmap_texels TMAP_REGISTER(t0);
 StructuredBuffer<float> tmap_surfaces TMAP_REGISTER(t1);
 StructuredBuffer<float> tmap_planes TMAP_REGISTER(t2);
 StructuredBuffer<uint> tmap_starts TMAP_REGISTER(t3);
+StructuredBuffer<float> tmap_fronts TMAP_REGISTER(t4);
 #endif
 
 #include "transmittance_map.glsl"

@@ -938,8 +938,8 @@ static void test_before_near(void) {
 }
 
 /* Voxels, a particle and a pane, each alone and reaching 0.1 before near_depth or not: there are fronts only if
-   something lies there. A box of extinction 2 has blurred faces: the fronts of its 0.1 and of half a voxel are at least
-   2 0.1 of e. The particle's share of 0.1 in a diameter of 4 is 1/40 of its 3. */
+   something lies there. Of a box of extinction 2, 0.1 and up to half a blurred voxel lie there: 0.2 to 0.7. A particle
+   of 3 has a fortieth of its diameter there. */
 static void test_fronts_alone(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 6; ++n) {

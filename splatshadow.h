@@ -884,6 +884,7 @@ typedef struct sps_tmap_light {
     /* 1: six faces around camera.position, the only member of camera used then. 0: one view; if the light lies amid
        voxels, points outside its view count as lit, with a message. */
     int omnidirectional;
+    int border;          /* texels beyond each edge of the view, 0..64: tiles of a larger map then meet seamlessly */
     sps_quality quality; /* volumes: sets kernel cut-off and slabs */
     double slab_thickness; /* volumes: in voxels, as in sps_view */
     uint32_t end_canary; /* leave 0 */
@@ -891,7 +892,7 @@ typedef struct sps_tmap_light {
 
 /* Size and settings of a map. */
 typedef struct sps_tmap_info {
-    int width, height;  /* texels of a face */
+    int width, height;  /* texels of a face, including its border */
     int face_count;     /* 1, or 6 */
     int is_finished;    /* 1: it can be queried and uploaded */
     int item_floats;    /* floats per texel in sps_tmap_texels; deep, compressed: per interval or node */
@@ -913,13 +914,13 @@ typedef struct sps_tmap_constants {
     int32_t has_planes; /* 1: settings.planes is not NULL */
     int32_t cubic;
     int32_t has_surfaces;        /* 1: sps_tmap_surfaces is not NULL */
-    int32_t width, height;       /* texels of a face */
+    int32_t width, height;       /* texels of a face, including its border */
     float near_depth, far_depth; /* u = (distance - near_depth) / (far_depth - near_depth) */
     /* A surface shadows points farther behind it than bias + bias_per_distance * distance. */
     float bias, bias_per_distance;
     int32_t face, face_count;
     int32_t has_fronts; /* 1: sps_tmap_fronts is not NULL */
-    int32_t padding;    /* 0 */
+    int32_t border;     /* texels at each edge that lie outside the view */
 } sps_tmap_constants;
 
 typedef struct sps_tmap sps_tmap; /* opaque; belongs to the context it was made with */
@@ -13879,6 +13880,7 @@ struct sps_tmap {
     sps_view view;
     double matrix[16]; /* world_to_clip */
     int has_range;     /* 1: a texel begins with the ends of its range */
+    int border;        /* texels beyond each edge of the view */
     int has_fronts;    /* 1: optical depth before near_depth is summed apart, since there is no plane at u = 0 */
     int replace_invalid, finished, failed;
     spsi_light_grid grid;
@@ -13961,7 +13963,8 @@ static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_tma
     if (!(quad->u >= 0) || (grid->rays[face].perspective && !(q[2] > 0))) return 0;
     if (grid->face_count > 1) /* round-off must not leave the face */
         q[0] = spsi_dmin(spsi_dmax(q[0], 0), width - 1), q[1] = spsi_dmin(spsi_dmax(q[1], 0), height - 1);
-    if (!(q[0] >= -0.5 && q[1] >= -0.5 && q[0] <= width - 0.5 && q[1] <= height - 0.5)) return 0;
+    const double first = map->border - 0.5; /* edge of the view */
+    if (!(q[0] >= first && q[1] >= first && q[0] <= width - 1 - first && q[1] <= height - 1 - first)) return 0;
     x = (int)floor(q[0]);
     y = (int)floor(q[1]);
     for (int i = 0; i < 2; ++i) {
@@ -15145,6 +15148,10 @@ SPSI_COLD sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light 
     if (spsi_check_canaries(&at, light->start_canary, light->end_canary) ||
         spsi_check_sampling(&at, size, light->quality, light->slab_thickness))
         return context->result;
+    if (!(light->border >= 0 && light->border <= (light->omnidirectional ? 0 : 64)))
+        return spsi_wrong(&at, "border", light->border, "it must be 0..64, and 0 for six faces");
+    if (spsi_imax(size[0], size[1]) + 2 * light->border > SPSI_SIZE_MAX)
+        return spsi_wrong(&at, "border", light->border, "with it, the map is wider than 16384 texels");
     if (light->omnidirectional && size[0] != size[1])
         return spsi_wrong(&at, "width", size[0], "it must equal the height of an omnidirectional light");
     return spsi_check_tmap_camera(&at, light);
@@ -15168,12 +15175,25 @@ SPSI_COLD sps_result spsi_tmap_resolve(sps_tmap *map) {
     return spsi_check_map_budget(map->context, -1, budget, (double)spsi_tmap_bytes(map));
 }
 
+/* Adds `border` rays on each side. */
+SPSI_COLD int spsi_rays_widen(spsi_rays *rays, int border) {
+    double *corner = rays->perspective ? rays->c : rays->origin;
+    spsi_along(corner, rays->a, -border, corner);
+    spsi_along(corner, rays->b, -border, corner);
+    rays->width += 2 * border;
+    rays->height += 2 * border;
+    return spsi_rays_complete(rays);
+}
+
 SPSI_COLD sps_result spsi_tmap_aim(sps_tmap *map) {
     map->grid.rays[0].width = map->view.width;
     map->grid.rays[0].height = map->view.height;
     if (map->grid.face_count == 1 &&
         spsi_rays_build(map->context, SPS_OBJECT_TMAP_LIGHT, &map->view.camera, &map->grid.rays[0]))
         return map->context->result;
+    if (map->border > 0 && !spsi_rays_widen(&map->grid.rays[0], map->border))
+        return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_LIGHT, -1, "border", map->border,
+                               "the border's rays lie beyond 1e15");
     for (int face = 0; face < map->grid.face_count; ++face) {
         spsi_rays *rays = &map->grid.rays[face];
         if (map->grid.face_count > 1 &&
@@ -15199,6 +15219,7 @@ SPSI_COLD sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light,
     map->view.height = light->height;
     map->view.camera = light->camera;
     map->view.camera.world_to_clip = NULL;
+    map->border = light->border;
     map->view.quality = light->quality;
     map->view.slab_thickness = light->slab_thickness;
     map->view.scattering = SPS_SCATTERING_SINGLE; /* transmittance only */
@@ -28333,6 +28354,7 @@ SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tma
     constants->bias_per_distance = (float)bias[1];
     constants->has_fronts = map->data.fronts.data != NULL;
     constants->face = face;
+    constants->border = map->border;
     constants->face_count = map->grid.face_count;
     return SPS_OK;
 }

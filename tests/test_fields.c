@@ -255,6 +255,7 @@ static const row rows[] = {
     I(sps_tmap_light, height, map_light, 7, PLAIN, NOTHING),
     D(sps_tmap_light, camera, map_light, 0.8, PLAIN, NOTHING),
     I(sps_tmap_light, omnidirectional, map_light, 0, FACED, NOTHING),
+    I(sps_tmap_light, border, map_light, 2, PLAIN, NOTHING),
     I(sps_tmap_light, quality, map_light, SPS_QUALITY_DRAFT, PLAIN, NOTHING),
     D(sps_tmap_light, slab_thickness, map_light, 0.4, PLAIN, NOTHING),
 };

@@ -192,7 +192,11 @@ static void test_scenes(void) {
                                         "light.slab_thickness is 1e-09; it makes more than 2^20 slabs",
                                         "light.camera has neither",
                                         "light.camera has field_of_view and ortho_height",
-                                        "light.camera.up is inf"};
+                                        "light.camera.up is inf",
+                                        "light.border is 65; it must be 0..64",
+                                        "light.border is -1; it must be",
+                                        "light.border is 1; it must be 0..64, and 0 for six faces",
+                                        "light.border is 2; with it, the map is wider than 16384 texels"};
     for (int i = 0; i < (int)(sizeof texts / sizeof *texts); ++i) {
         const float nan = (float)(HUGE_VAL - HUGE_VAL);
         fixture f;
@@ -205,6 +209,9 @@ static void test_scenes(void) {
         if (i == 5) memset(f.matrix, 0, sizeof f.matrix), check_matrix(&f.light.camera, f.matrix);
         if (i == 6) f.light.omnidirectional = 1, f.light.height = 8;
         if (i == 7) f.light.end_canary = 1;
+        if (i == 32 || i == 33) f.light.border = i == 32 ? 65 : -1;
+        if (i == 34) see(&f, ROUND, SIDE), f.light.border = 1;
+        if (i == 35) f.light.height = 16381, f.light.border = 2;
         if (i == 8) f.light.camera.position[1] = (double)nan;
         if (i == 9) f.light.slab_thickness = -1;
         if (i == 10) f.crowds[0].list[1].position[1] = nan;
@@ -606,6 +613,7 @@ AT(bias_per_distance, 108);
 AT(face, 112);
 AT(face_count, 116);
 AT(has_fronts, 120);
+AT(border, 124);
 
 typedef char size_of_constants[sizeof(sps_tmap_constants) == 128 ? 1 : -1];
 
@@ -641,7 +649,7 @@ static void test_constants(void) {
             CHECK(c.has_planes == (technique == SPS_TMAP_OPACITY && n % 2) && c.cubic == (n % 4 == 1));
             CHECK(c.has_range == (n == 6) && c.has_surfaces == (n != 2));
             CHECK(c.width == SIDE && c.height == SIDE && c.near_depth == 0.25f && c.far_depth == 20);
-            CHECK(c.face == face && c.face_count == (n % 4 == 3 ? 6 : 1) && c.padding == 0);
+            CHECK(c.face == face && c.face_count == (n % 4 == 3 ? 6 : 1) && c.border == 0);
             CHECK(c.has_fronts == (sps_tmap_fronts(map) != NULL));
         }
         sps_tmap_destroy(map);
@@ -790,6 +798,40 @@ static void test_light_amid(void) {
             CHECK((strstr(last_message, "omnidirectional") != NULL) == (one_view && inside));
             end(&f);
         }
+    sps_destroy(context);
+}
+
+/* Two tiles with a border of one texel are halves of a map of twice the width, also within half a texel of their seam,
+   where a tile without a border lacks the neighbour's texels. Rays agree to 1e-15, chords to 1e-6 (CHORD), ranges and
+   planes are the same: 1e-4 of optical depths of up to 12, of which moments are a root. The larger map's border changes
+   only its own edges. Points outside the view of a tile are lit in it. */
+static void test_border(void) {
+    sps_context *context = sps_create(NULL, NULL);
+    for (int n = 0; n < 2 * TECHNIQUES; ++n) {
+        const int technique = 1 + n / 2, border = n % 2;
+        fixture f;
+        sps_tmap *tiles[2], *whole;
+        double most = 0;
+        begin_mixed(&f, technique);
+        f.light.width = 2 * SIDE, f.light.height = SIDE, f.light.border = 1;
+        whole = must_build(&f, context);
+        f.light.width = SIDE, f.light.border = border;
+        for (int i = 0; i < 2; ++i) {
+            f.light.camera.position[0] = f.light.camera.target[0] = (i - 0.5) * SIDE;
+            tiles[i] = must_build(&f, context);
+        }
+        for (int i = 0; i < 400 && whole && tiles[0] && tiles[1]; ++i) {
+            const double x = i < 200 ? 0.5 * (i % 2 ? 1 : -1) * (i / 200.0) : 8.9 * cos(i), y = 4.4 * sin(0.7 * i);
+            const double z = 9 * cos(0.3 * i);
+            const double off = query(tiles[x > 0], x, y, z) - query(whole, x, y, z);
+            most = fmax(most, fabs(off));
+            CHECK_NEAR(query(tiles[x > 0], x > 0 ? -1e-3 : 1e-3, y, z), 0, 0);
+        }
+        if (!CHECK(border ? most < 1e-4 : most > 1e-3)) printf("    technique %d: %g\n", technique, most);
+        for (int i = 0; i < 2; ++i) sps_tmap_destroy(tiles[i]);
+        sps_tmap_destroy(whole);
+        end(&f);
+    }
     sps_destroy(context);
 }
 
@@ -1422,6 +1464,7 @@ int main(void) {
     RUN(test_outside);
     RUN(test_outside_around);
     RUN(test_light_amid);
+    RUN(test_border);
     RUN(test_surface_before_near);
     RUN(test_states);
     RUN(test_untransposed);

@@ -164,7 +164,9 @@ static void hand_over(const sps_tmap *map, const fixture *f) {
                                    (s.technique == SPS_TMAP_FOURIER && s.texel_range)));
     CHECK(tmap_bound.has_planes == (planes != NULL) && tmap_bound.cubic == s.cubic);
     CHECK(tmap_bound.has_surfaces == (surfaces != NULL) && tmap_bound.has_fronts == (fronts != NULL));
-    CHECK(tmap_bound.width == f->light.width && tmap_bound.height == f->light.height);
+    CHECK(tmap_bound.border == f->light.border);
+    CHECK(tmap_bound.width == f->light.width + 2 * f->light.border);
+    CHECK(tmap_bound.height == f->light.height + 2 * f->light.border);
     CHECK(tmap_bound.face == 0 && tmap_bound.face_count == (f->light.omnidirectional ? 6 : 1));
     sps_tmap_get_projection(map, 0, matrix, NULL);
     if (f->light.camera.world_to_clip) check_own_matrix(f, matrix);
@@ -274,8 +276,9 @@ static span span_of_transmittance(const tmap_place *p) {
 }
 
 static int outside(const tmap_place *p) {
-    return !(p->u >= 0 && p->x >= -0.5f && p->y >= -0.5f && p->x <= (float)tmap_bound.width - 0.5f &&
-             p->y <= (float)tmap_bound.height - 0.5f);
+    const float edge = (float)tmap_bound.border - 0.5f;
+    return !(p->u >= 0 && p->x >= edge && p->y >= edge && p->x <= (float)tmap_bound.width - 1 - edge &&
+             p->y <= (float)tmap_bound.height - 1 - edge);
 }
 
 /* Statistics of random points. */
@@ -397,6 +400,7 @@ static void test_techniques(void) {
             /* matrices do not depend on the technique: two are enough */
             if (kind >= SPOT_BY_MATRIX && variants[i].technique != SPS_TMAP_COMPRESSED) continue;
             fixture_begin(&f, &variants[i], (light_kind)kind);
+            f.light.border = kind < SIX_FACES && i % 3 == 1 ? 2 : 0;
             sps_tmap *map = fixture_build(&f, context);
             if (map) check_map(variants[i].name, &f, map);
             sps_tmap_destroy(map);

@@ -65,12 +65,12 @@ struct tmap {
     int has_planes; /* 1: planes is not NULL */
     int cubic;
     int has_surfaces;  /* 1: sps_tmap_surfaces is not NULL */
-    int width, height; /* texels of a face */
+    int width, height; /* texels of a face, including its border */
     float near_depth, far_depth;
     float bias, bias_per_distance; /* of surfaces */
     int face, face_count;          /* the face that the rows are for */
     int has_fronts;                /* 1: sps_tmap_fronts is not NULL */
-    int padding;
+    int border; /* texels at each edge that lie outside the view */
     TMAP_ARRAYS
 };
 
@@ -399,9 +399,10 @@ TMAP_FUNCTION tmap_place tmap_project_to_cube(tmap map, tmap_vec3 offset) {
 /* The share of light that reaches a place. Interpolates the optical depths of four texels, not their contents, and
    compares with four surfaces before interpolating. Outside of the map everything is lit. */
 TMAP_FUNCTION float tmap_transmittance(tmap map, tmap_place p) {
-    float right = tmap_float(map.width) - 0.5f, bottom = tmap_float(map.height) - 0.5f, depth = 0.0f, lit = 0.0f;
+    float edge = tmap_float(map.border) - 0.5f, right = tmap_float(map.width) - 1.0f - edge;
+    float bottom = tmap_float(map.height) - 1.0f - edge, depth = 0.0f, lit = 0.0f;
     float bias = (map.bias + map.bias_per_distance * p.distance) / (map.far_depth - map.near_depth);
-    if (!(p.u >= 0.0f && p.x >= -0.5f && p.y >= -0.5f && p.x <= right && p.y <= bottom)) return 1.0f;
+    if (!(p.u >= 0.0f && p.x >= edge && p.y >= edge && p.x <= right && p.y <= bottom)) return 1.0f;
     float u = fminf(p.u, 1.0f);
     for (int i = 0; i < 4; ++i) {
         int x = tmap_int(floorf(p.x)) + i % 2, y = tmap_int(floorf(p.y)) + i / 2;

@@ -801,6 +801,28 @@ static void test_light_amid(void) {
     sps_destroy(context);
 }
 
+/* A border moves texels' numbers, and nothing else. */
+static void test_border_projection(void) {
+    sps_context *context = sps_create(NULL, NULL);
+    for (int way = 0; way < ROUND; ++way) {
+        double places[2][4];
+        const double point[3] = {0.7, -1.3, 2.1};
+        for (int border = 0; border < 4; border += 3) {
+            fixture f;
+            double m[16];
+            begin(&f, SPS_TMAP_BEER);
+            see(&f, way, SIDE);
+            f.light.border = border;
+            sps_tmap *map = must_build(&f, context);
+            CHECK(sps_tmap_get_projection(map, 0, m, NULL) == SPS_OK);
+            project(m, point, places[border > 0]);
+            sps_tmap_destroy(map);
+        }
+        for (int k = 0; k < 4; ++k) CHECK_NEAR(places[1][k], places[0][k] + (k < 2 ? 3 : 0), 1e-12);
+    }
+    sps_destroy(context);
+}
+
 /* Two tiles with a border of one texel are halves of a map of twice the width, also within half a texel of their seam,
    where a tile without a border lacks the neighbour's texels. Rays agree to 1e-15, chords to 1e-6 (CHORD), ranges and
    planes are the same: 1e-4 of optical depths of up to 12, of which moments are a root. The larger map's border changes
@@ -1464,6 +1486,7 @@ int main(void) {
     RUN(test_outside);
     RUN(test_outside_around);
     RUN(test_light_amid);
+    RUN(test_border_projection);
     RUN(test_border);
     RUN(test_surface_before_near);
     RUN(test_states);

@@ -188,7 +188,8 @@ typedef enum sps_object {
     SPS_OBJECT_TMAP,      /* a transmittance map itself, not its light or settings */
     SPS_OBJECT_TMAP_LIGHT,
     SPS_OBJECT_TMAP_SETTINGS,
-    SPS_OBJECT_REFERENCE_SETTINGS
+    SPS_OBJECT_REFERENCE_SETTINGS,
+    SPS_OBJECT_TMAP_EXPORT /* sps_tmap_export_settings */
 } sps_object;
 
 /* A failure as data. */
@@ -896,7 +897,7 @@ typedef struct sps_tmap_info {
     int face_count;     /* 1, or 6 */
     int is_finished;    /* 1: it can be queried and uploaded */
     int item_floats;    /* floats per texel in sps_tmap_texels; deep, compressed: per interval or node */
-    size_t texel_count; /* all faces; also the length of sps_tmap_surfaces and _fronts; sps_tmap_starts has one more */
+    size_t texel_count; /* of all faces; length of sps_tmap_surfaces and _fronts; sps_tmap_starts has one more */
     size_t float_count; /* length of sps_tmap_texels; deep, compressed: 0 before sps_tmap_finish */
     /* Memory of the map, except up to 32 bytes per allocation. Before sps_tmap_finish, it excludes intervals, nodes,
        surfaces and fronts (4 per texel each). */
@@ -922,6 +923,65 @@ typedef struct sps_tmap_constants {
     int32_t has_fronts; /* 1: sps_tmap_fronts is not NULL */
     int32_t border;     /* texels at each edge that lie outside the view */
 } sps_tmap_constants;
+
+/* How sps_tmap_export stores numbers. */
+typedef enum sps_export_format {
+    SPS_EXPORT_FLOAT = 0,
+    SPS_EXPORT_HALF,    /* at most 65504 */
+    SPS_EXPORT_UNORM16, /* 0..65535 for the least to the greatest value of each component */
+    SPS_EXPORT_UNORM8   /* 0..255 likewise */
+} sps_export_format;
+
+typedef enum sps_export_layout {
+    SPS_EXPORT_ARRAY = 0, /* layers of RGBA: four components each, face after face */
+    SPS_EXPORT_SLICES,    /* a 3D texture of one channel: a slice per component, face after face */
+    SPS_EXPORT_ATLAS,     /* the layers of an array beside each other in one RGBA texture */
+    /* Six faces: cube maps of RGBA as hardware reads them, four components each: +x -x +y -y +z -z, seen from inside.
+       Interpolated at their texel centres, which lie half a texel within the cube's edges. */
+    SPS_EXPORT_CUBE
+} sps_export_layout;
+
+typedef enum sps_export_content {
+    SPS_EXPORT_GAS = 0,  /* components as in sps_tmap_texels, then fronts if there are any; no lists */
+    SPS_EXPORT_SURFACES, /* sps_tmap_surfaces: one component, as FLOAT or HALF */
+    /* The Beer shadow map of engines, from a deep or compressed map: distance from the light, along its axis, to the
+       first gas (none: far_depth), mean extinction over the lengths that contain gas, total optical depth. Readers take
+       min(total, extinction * distance behind the first gas). */
+    SPS_EXPORT_BEER
+} sps_export_content;
+
+typedef struct sps_tmap_export_settings {
+    uint32_t start_canary; /* leave 0 */
+    sps_export_content content;
+    sps_export_format format;
+    sps_export_layout layout;
+    float depth_limit; /* maximum of stored optical depths; 0: 6 for UNORM8, 12 for UNORM16, otherwise the format's */
+    /* 0: where gas of a texel is empty, its range or moments are those of its neighbours, so that filtering mixes
+       nothing else. 1: texels stay as they are. */
+    int keep_empty;
+    /* BEER: world units per unit of distance, and per unit of the length that extinction refers to; 0: 1. For
+       kilometres and extinction per metre in a world of centimetres: 1e5 and 100. */
+    double distance_unit, extinction_unit;
+    uint32_t end_canary; /* leave 0 */
+} sps_tmap_export_settings;
+
+/* Constants for a shader that reads an exported map, besides sps_tmap_constants: a std140 block of 560 bytes, where
+   scale and offset are vec4[17]. */
+typedef struct sps_export_constants {
+    int32_t components;  /* stored, including fronts */
+    int32_t columns;     /* layers side by side in an atlas, otherwise 1 */
+    float moment_bias;   /* moments are mixed with this share of a wide distribution, against rounding */
+    int32_t padding;     /* 0 */
+    float scale[68], offset[68]; /* component k: offset[k] + scale[k] * what a texture returns */
+} sps_export_constants;
+
+typedef struct sps_tmap_texture {
+    int width, height, layers; /* layers: or slices; of cube maps six each; 1 for an atlas */
+    int channels;              /* 4, or 1 for slices and surfaces */
+    size_t bytes;              /* rows from the top, layer after layer, without gaps */
+    uint64_t clamped;          /* numbers that exceeded depth_limit or the format */
+    sps_export_constants constants;
+} sps_tmap_texture;
 
 typedef struct sps_tmap sps_tmap; /* opaque; belongs to the context it was made with */
 
@@ -1056,6 +1116,13 @@ SPS_API sps_result sps_tmap_get_projection(const sps_tmap *map, int face, double
 /* Fills the constants for a shader that reads a face of the map (0, or 0..5). Only the rows and `face` depend on the
    face. Errors as for sps_tmap_get_projection, and ARGUMENT if constants is NULL. */
 SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tmap_constants *constants);
+
+/* Writes a finished map as a texture into the caller's memory of `bytes` bytes. texels NULL: only describes the
+   texture, without `clamped`, scale and offset. Time is proportional to texels * components. Errors, which leave both
+   untouched except after a cancel: ARGUMENT (also fewer bytes than texture->bytes, cube maps of one face, no surfaces),
+   UNSUPPORTED (content that the technique lacks, surfaces as UNORM), MEMORY, CANCELLED. */
+SPS_API sps_result sps_tmap_export(const sps_tmap *map, const sps_tmap_export_settings *settings, void *texels,
+                                   size_t bytes, sps_tmap_texture *texture);
 
 /* Writes size and settings of the map, finished or not. Errors, leaving info untouched: ARGUMENT (either is NULL). */
 SPS_API sps_result sps_tmap_get_info(const sps_tmap *map, sps_tmap_info *info);
@@ -1931,7 +1998,8 @@ SPSI_COLD void spsi_clear_error(sps_error_info *info) {
 SPSI_COLD void spsi_describe(sps_error_info *info, sps_object object, int index, const char *phrase, double value,
                              const char *rest) {
     static const char *const names[] = {"",     "",      "config",    "scene", "view",  "image",    "volume",
-                                        "mesh", "light", "particles", "tmap",  "light", "settings", "settings"};
+                                        "mesh", "light", "particles", "tmap",  "light", "settings", "settings",
+                                        "export"};
     char brackets[24] = "";
     info->object = object;
     info->index = index;
@@ -15031,7 +15099,8 @@ static size_t spsi_tmap_known_items(const sps_tmap *map) {
 /* Bytes of a map, as far as known. */
 SPSI_COLD size_t spsi_tmap_bytes(const sps_tmap *map) {
     const size_t fixed = sizeof *map + map->planes.size;
-    if (map->finished) return fixed + map->data.texels.size + map->data.starts.size + map->data.surfaces.size + map->data.fronts.size;
+    const spsi_tmap_data *data = &map->data;
+    if (map->finished) return fixed + data->texels.size + data->starts.size + data->surfaces.size + data->fronts.size;
     return fixed + spsi_tmap_known_items(map) * sizeof(float);
 }
 
@@ -15301,8 +15370,8 @@ SPSI_COLD void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *fra
     char counted[40] = "", text[160];
     if (!(particles > 0) && !voxels) return;
     if (particles > 0) SPS_SNPRINTF(counted, sizeof counted, "%.0f of the particles%s", particles, voxels ? ", " : "");
-    SPS_SNPRINTF(text, sizeof text, "tmap: gas beyond far_depth %g counts there: %s%s", map->settings.far_depth, counted,
-                 voxels ? "the box about all voxels" : "");
+    SPS_SNPRINTF(text, sizeof text, "tmap: gas beyond far_depth %g counts there: %s%s", map->settings.far_depth,
+                 counted, voxels ? "the box about all voxels" : "");
     spsi_tell(map->context, text);
 }
 
@@ -15332,6 +15401,307 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
     spsi_tmap_tell_outside(map, frame);
     spsi_tmap_tell_amid(map, frame);
     return SPS_OK;
+}
+
+/* --- export as textures --- */
+
+#define SPSI_EXPORT_MOST 68 /* components, in vectors of four */
+
+/* A row's extremes, then the number of its clamped values. */
+typedef struct spsi_export_row {
+    float least[SPSI_EXPORT_MOST], most[SPSI_EXPORT_MOST];
+    uint32_t clamped;
+} spsi_export_row;
+
+typedef struct spsi_export {
+    const sps_tmap *map;
+    const sps_tmap_export_settings *settings;
+    sps_tmap_texture *texture;
+    unsigned char *out;
+    spsi_export_row *rows;
+    int writes; /* 0: looks for extremes */
+} spsi_export;
+
+/* Rounds to half precision, ties to even; beyond 65504 it clamps. */
+static uint16_t spsi_to_half(float value) {
+    uint32_t bits, half;
+    memcpy(&bits, &value, sizeof bits);
+    const uint32_t sign = bits >> 16 & 0x8000, size = bits & 0x7fffffff;
+    if (size > 0x477fe000) return (uint16_t)(sign | 0x7bff);
+    if (size < 0x38800000) { /* subnormal: units of 2^-24 */
+        const float units = fabsf(value) * 16777216.0f, rest = units - floorf(units);
+        half = (uint32_t)units;
+        half += rest > 0.5f || (rest >= 0.5f && (half & 1));
+    } else {
+        half = (size - 0x38000000 + 0xfff + (size >> 13 & 1)) >> 13;
+    }
+    return (uint16_t)(sign | half);
+}
+
+static int spsi_export_bytes_each(sps_export_format format) {
+    return format == SPS_EXPORT_FLOAT ? 4 : format == SPS_EXPORT_UNORM8 ? 1 : 2;
+}
+
+/* 1: component k is an optical depth. */
+static int spsi_export_is_depth(const spsi_export *job, int k) {
+    const sps_tmap *map = job->map;
+    if (job->settings->content != SPS_EXPORT_GAS) return job->settings->content == SPS_EXPORT_BEER && k == 2;
+    if (k >= map->settings.components) return 1; /* a front */
+    return map->technique->insert == spsi_opacity_insert ? k >= 2 * map->has_range
+                                                         : k == 0 && map->settings.technique == SPS_TMAP_MOMENT;
+}
+
+static float spsi_export_limit(const sps_tmap_export_settings *settings) {
+    static const float usual[] = {FLT_MAX, 65504, 12, 6};
+    return settings->depth_limit > 0 ? settings->depth_limit : usual[settings->format];
+}
+
+static int spsi_export_is_empty(const sps_tmap *map, size_t index) {
+    const float *texel = (const float *)map->data.texels.data + index * (size_t)map->settings.components;
+    if (map->settings.technique == SPS_TMAP_MOMENT) return !(texel[0] > 0);
+    if (map->settings.technique == SPS_TMAP_FOURIER) return !(texel[2 * map->has_range] > 0);
+    return !(texel[map->settings.components - 1] > 0);
+}
+
+/* Replaces an empty texel's range or moments by the mean of its neighbours', if any contains gas. */
+static void spsi_export_borrow(const sps_tmap *map, const int at[3], float *values) {
+    const int width = map->grid.rays[0].width, height = map->grid.rays[0].height;
+    const int first = map->settings.technique == SPS_TMAP_MOMENT;
+    const int last = first ? map->settings.components : 2 * map->has_range;
+    float sums[SPSI_TMAP_COMPONENTS] = {0};
+    int some = 0;
+    for (int y = spsi_imax(at[1] - 1, 0); y <= spsi_imin(at[1] + 1, height - 1); ++y)
+        for (int x = spsi_imax(at[0] - 1, 0); x <= spsi_imin(at[0] + 1, width - 1); ++x) {
+            const size_t index = ((size_t)at[2] * (size_t)height + (size_t)y) * (size_t)width + (size_t)x;
+            const float *texel = (const float *)map->data.texels.data + index * (size_t)map->settings.components;
+            if (spsi_export_is_empty(map, index)) continue;
+            for (int k = first; k < last; ++k) sums[k] += texel[k];
+            ++some;
+        }
+    for (int k = first; k < last && some > 0; ++k) values[k] = sums[k] / (float)some;
+}
+
+/* Length in u of a list's parts with gas, where it begins, and its optical depth. Depth may not begin before the light.
+   Intervals are sorted, and may overlap. */
+static double spsi_list_extent(const sps_tmap *map, const spsi_texel *texel, double *first, double *depth) {
+    const spsi_interval *intervals = (const spsi_interval *)texel->data;
+    const spsi_node *nodes = (const spsi_node *)texel->data;
+    double length = 0, end = -HUGE_VAL, sum = 0;
+    for (uint32_t i = 0; i < texel->count && map->settings.technique == SPS_TMAP_DEEP; ++i) {
+        const double u0 = (double)intervals[i].u0, u1 = (double)intervals[i].u1;
+        if (i == 0) *first = u0;
+        length += spsi_dmax(u1 - spsi_dmax(u0, end), 0);
+        end = spsi_dmax(end, u1);
+        sum += (double)intervals[i].depth;
+    }
+    if (map->settings.technique == SPS_TMAP_DEEP || texel->count == 0) return *depth = sum, length;
+    *first = (double)nodes[0].u;
+    for (uint32_t i = 1; i < texel->count; ++i)
+        if (nodes[i].value < nodes[i - 1].value) length += (double)nodes[i].u - (double)nodes[i - 1].u;
+    const double through = (double)nodes[texel->count - 1].value;
+    *depth = through > 0 ? 0 - log(through) : (double)SPSI_DEPTH_MAX;
+    return length;
+}
+
+#define SPSI_THIN_GAS 1e-6 /* of the depth range: gas is at least this long, which keeps a pane's extinction finite */
+
+static void spsi_export_beer(const spsi_export *job, size_t index, float *values) {
+    const sps_tmap_export_settings *settings = job->settings;
+    const spsi_light_grid *grid = &job->map->grid;
+    const spsi_texel texel = spsi_tmap_texel(job->map, index);
+    const double distance = settings->distance_unit > 0 ? settings->distance_unit : 1;
+    const double unit = settings->extinction_unit > 0 ? settings->extinction_unit : 1;
+    const double per_length = grid->rays[0].per_length * grid->per_depth; /* u per world length on the axis */
+    double first = 1, depth = 0;
+    const double length = spsi_dmax(spsi_list_extent(job->map, &texel, &first, &depth), SPSI_THIN_GAS);
+    const double front = (grid->near_depth + spsi_dmin(first, 1) / grid->per_depth) / grid->rays[0].per_length;
+    values[0] = (float)(front / distance);
+    values[1] = (float)(depth / length * per_length * unit);
+    values[2] = (float)depth;
+}
+
+/* All components of the texel at column, row, face. */
+static void spsi_export_texel(const spsi_export *job, const int at[3], float *values) {
+    const sps_tmap *map = job->map;
+    const spsi_rays *rays = &map->grid.rays[0];
+    const size_t index = ((size_t)at[2] * (size_t)rays->height + (size_t)at[1]) * (size_t)rays->width + (size_t)at[0];
+    const size_t components = (size_t)map->settings.components;
+    if (job->settings->content == SPS_EXPORT_SURFACES) {
+        values[0] = ((const float *)map->data.surfaces.data)[index];
+        return;
+    }
+    if (job->settings->content == SPS_EXPORT_BEER) {
+        spsi_export_beer(job, index, values);
+        return;
+    }
+    memcpy(values, (const float *)map->data.texels.data + index * components, components * sizeof *values);
+    if (map->data.fronts.data) values[components] = ((const float *)map->data.fronts.data)[index];
+    if (!job->settings->keep_empty && spsi_export_is_empty(map, index)) spsi_export_borrow(map, at, values);
+}
+
+/* The texel of a hardware cube map, mixed from four of the map's. `at`: column, row, face. */
+static void spsi_export_cube_texel(const spsi_export *job, const int at[3], float *values) {
+    /* rows: x, y, z of the direction to texture coordinates (s, t), as 1, s, t */
+    static const signed char faces[6][3][3] = {
+        {{1, 0, 0}, {0, 0, -1}, {0, -1, 0}}, {{-1, 0, 0}, {0, 0, -1}, {0, 1, 0}}, {{0, 1, 0}, {1, 0, 0}, {0, 0, 1}},
+        {{0, 1, 0}, {-1, 0, 0}, {0, 0, -1}}, {{0, 1, 0}, {0, 0, -1}, {1, 0, 0}},  {{0, -1, 0}, {0, 0, -1}, {-1, 0, 0}}};
+    const int size = job->map->grid.rays[0].width, axis = at[2] / 2;
+    const double st[2] = {(2 * at[0] + 1.0) / size - 1, (2 * at[1] + 1.0) / size - 1};
+    float four[SPSI_EXPORT_MOST];
+    double share[2];
+    int corner[2];
+    for (int i = 0; i < 2; ++i) {
+        const signed char *to = faces[at[2]][(axis + 1 + i) % 3];
+        const double place = 0.5 * (to[0] + to[1] * st[0] + to[2] * st[1] + 1) * (size - 1);
+        corner[i] = spsi_imin((int)place, spsi_imax(size - 2, 0));
+        share[i] = place - corner[i];
+    }
+    memset(values, 0, (size_t)job->texture->constants.components * sizeof *values);
+    for (int i = 0; i < 4; ++i) {
+        const int x = spsi_imin(corner[0] + (i & 1), size - 1), y = spsi_imin(corner[1] + (i >> 1), size - 1);
+        const int from[3] = {x, y, at[2]};
+        const double weight = (i & 1 ? share[0] : 1 - share[0]) * (i >> 1 ? share[1] : 1 - share[1]);
+        spsi_export_texel(job, from, four);
+        for (int k = 0; k < job->texture->constants.components; ++k) values[k] += (float)weight * four[k];
+    }
+}
+
+/* Index of component k of a texel in the texture. */
+static size_t spsi_export_place(const spsi_export *job, const int at[3], int k) {
+    const sps_tmap_texture *texture = job->texture;
+    const size_t channels = (size_t)texture->channels, width = (size_t)job->map->grid.rays[0].width;
+    const size_t height = (size_t)job->map->grid.rays[0].height, columns = (size_t)texture->constants.columns;
+    const size_t layer = (size_t)k / channels, face = (size_t)at[2];
+    const size_t per_face = ((size_t)texture->constants.components + channels - 1) / channels;
+    const int is_cube = job->settings->layout == SPS_EXPORT_CUBE;
+    const size_t tile = is_cube ? SPSI_CUBE_FACES * layer + face : face * per_face + layer;
+    const size_t row = tile / columns * height + (size_t)at[1], column = tile % columns * width + (size_t)at[0];
+    return (row * columns * width + column) * channels + (size_t)k % channels;
+}
+
+static void spsi_export_store(const spsi_export *job, size_t place, int k, float value) {
+    const sps_export_constants *constants = &job->texture->constants;
+    const float range = job->settings->format == SPS_EXPORT_UNORM8 ? 255.0f : 65535.0f;
+    const float part = spsi_fmax(spsi_fmin((value - constants->offset[k]) / constants->scale[k], 1), 0);
+    const int is_half = job->settings->format == SPS_EXPORT_HALF;
+    const uint16_t number = is_half ? spsi_to_half(value) : (uint16_t)(part * range + 0.5f);
+    if (job->settings->format == SPS_EXPORT_FLOAT)
+        memcpy(job->out + 4 * place, &value, sizeof value);
+    else if (job->settings->format == SPS_EXPORT_UNORM8)
+        job->out[place] = (unsigned char)number;
+    else
+        memcpy(job->out + 2 * place, &number, sizeof number);
+}
+
+static void spsi_export_row_task(void *data, int index) {
+    const spsi_export *job = (const spsi_export *)data;
+    const spsi_rays *rays = &job->map->grid.rays[0];
+    const float format_limit = job->settings->format == SPS_EXPORT_HALF ? 65504.0f : FLT_MAX;
+    const float depth_limit = spsi_fmin(spsi_export_limit(job->settings), format_limit);
+    const int count = job->texture->constants.components;
+    spsi_export_row *row = &job->rows[index];
+    float values[SPSI_EXPORT_MOST];
+    memset(row, 0, sizeof *row);
+    for (int x = 0; x < rays->width; ++x) {
+        const int at[3] = {x, index % rays->height, index / rays->height};
+        if (job->settings->layout == SPS_EXPORT_CUBE)
+            spsi_export_cube_texel(job, at, values);
+        else
+            spsi_export_texel(job, at, values);
+        for (int k = 0; k < count; ++k) {
+            const float limit = spsi_export_is_depth(job, k) ? depth_limit : format_limit;
+            const int beyond = fabsf(values[k]) > limit;
+            const float value = spsi_fmax(spsi_fmin(values[k], limit), -limit);
+            row->clamped += (uint32_t)(beyond && job->settings->content != SPS_EXPORT_SURFACES);
+            row->least[k] = x > 0 ? spsi_fmin(row->least[k], value) : value;
+            row->most[k] = x > 0 ? spsi_fmax(row->most[k], value) : value;
+            if (job->writes) spsi_export_store(job, spsi_export_place(job, at, k), k, value);
+        }
+    }
+}
+
+/* Sets scale and offset so that the rows' extremes are 0 and 1. */
+SPSI_COLD void spsi_export_scale(const spsi_export *job, int rows) {
+    sps_export_constants *constants = &job->texture->constants;
+    for (int k = 0; k < constants->components; ++k) {
+        float least = job->rows[0].least[k], most = job->rows[0].most[k];
+        for (int i = 1; i < rows; ++i) {
+            least = spsi_fmin(least, job->rows[i].least[k]);
+            most = spsi_fmax(most, job->rows[i].most[k]);
+        }
+        constants->offset[k] = least;
+        constants->scale[k] = most > least ? most - least : 1;
+    }
+}
+
+SPSI_COLD sps_result spsi_export_check(const sps_tmap *map, const sps_tmap_export_settings *settings) {
+    const spsi_subject at = {map->context, SPS_OBJECT_TMAP_EXPORT, -1, ""};
+    const int lists = map->technique->lists > 0;
+    const spsi_bounded numbers[] = {
+        {"content", (double)(int)settings->content, 0, SPS_EXPORT_BEER, "it must be an sps_export_content"},
+        {"format", (double)(int)settings->format, 0, SPS_EXPORT_UNORM8, "it must be an sps_export_format"},
+        {"layout", (double)(int)settings->layout, 0, SPS_EXPORT_CUBE, "it must be an sps_export_layout"},
+        {"depth_limit", (double)settings->depth_limit, 0, (double)FLT_MAX, "it must be 0 or positive"},
+        {"distance_unit", settings->distance_unit, 0, SPSI_COORDINATE_MAX, "it must be 0..1e15"},
+        {"extinction_unit", settings->extinction_unit, 0, SPSI_COORDINATE_MAX, "it must be 0..1e15"}};
+    const char *lacks = NULL;
+    if (spsi_check_canaries(&at, settings->start_canary, settings->end_canary) ||
+        spsi_check_bounded(&at, numbers, sizeof numbers / sizeof *numbers))
+        return map->context->result;
+    if (settings->content == SPS_EXPORT_GAS && (lists || map->settings.components == 0))
+        lacks = "is SPS_EXPORT_GAS, but texels of this technique have no components";
+    if (settings->content == SPS_EXPORT_BEER && !lists)
+        lacks = "is SPS_EXPORT_BEER, which needs the lists of a deep or compressed map";
+    if (settings->content == SPS_EXPORT_SURFACES && settings->format >= SPS_EXPORT_UNORM16)
+        lacks = "is SPS_EXPORT_SURFACES, which UNORM cannot tell from none";
+    if (lacks) return spsi_fail_that(map->context, SPS_ERROR_UNSUPPORTED, at.object, -1, "content", 0, lacks);
+    if (settings->content == SPS_EXPORT_SURFACES && !map->data.surfaces.data)
+        return spsi_wrong_that(&at, "content", SPS_EXPORT_SURFACES, "is SPS_EXPORT_SURFACES, and the map has none");
+    if (settings->layout == SPS_EXPORT_CUBE && map->grid.face_count == 1)
+        return spsi_wrong_that(&at, "layout", SPS_EXPORT_CUBE, "is SPS_EXPORT_CUBE, and the map has one face");
+    return SPS_OK;
+}
+
+SPSI_COLD void spsi_export_describe(const sps_tmap *map, const sps_tmap_export_settings *settings,
+                                    sps_tmap_texture *texture) {
+    static const float biases[4][2] = {{5e-7f, 5e-6f}, {6e-4f, 6e-3f}, {6e-5f, 6e-4f}, {2e-2f, 1e-1f}};
+    const int wide = settings->layout != SPS_EXPORT_SLICES && settings->content != SPS_EXPORT_SURFACES;
+    const int gas = map->settings.components + (map->data.fronts.data != NULL);
+    int tiles, columns = 1;
+    memset(texture, 0, sizeof *texture);
+    texture->channels = wide ? 4 : 1;
+    texture->constants.components =
+        settings->content == SPS_EXPORT_GAS ? gas : settings->content == SPS_EXPORT_BEER ? 3 : 1;
+    tiles = map->grid.face_count * ((texture->constants.components + texture->channels - 1) / texture->channels);
+    while (settings->layout == SPS_EXPORT_ATLAS && columns * columns < tiles) ++columns;
+    texture->width = map->grid.rays[0].width * columns;
+    texture->height = map->grid.rays[0].height * (columns > 1 ? (tiles + columns - 1) / columns : 1);
+    texture->layers = settings->layout == SPS_EXPORT_ATLAS ? 1 : tiles;
+    texture->bytes = (size_t)texture->width * (size_t)texture->height * (size_t)texture->layers *
+                     (size_t)(texture->channels * spsi_export_bytes_each(settings->format));
+    texture->constants.columns = columns;
+    if (map->settings.technique == SPS_TMAP_MOMENT)
+        texture->constants.moment_bias = biases[settings->format][map->settings.components == 7];
+    for (int k = 0; k < SPSI_EXPORT_MOST; ++k) texture->constants.scale[k] = 1;
+}
+
+static sps_result spsi_export_run(const sps_tmap *map, const sps_tmap_export_settings *settings, void *texels,
+                                  sps_tmap_texture *texture) {
+    sps_context *context = map->context;
+    const int rows = map->grid.rays[0].height * map->grid.face_count;
+    spsi_export job = {map, settings, texture, (unsigned char *)texels, NULL, 0};
+    job.rows = SPSI_RESERVE(context, SPSI_BUFFER_BAND, (size_t)rows, spsi_export_row);
+    if (!job.rows || spsi_progress(context, 0)) return context->result;
+    if (settings->format >= SPS_EXPORT_UNORM16) {
+        spsi_parallel_items(context, rows, spsi_export_row_task, &job);
+        if (spsi_progress(context, 0.5)) return context->result;
+        spsi_export_scale(&job, rows);
+    }
+    job.writes = 1;
+    memset(texels, 0, texture->bytes);
+    spsi_parallel_items(context, rows, spsi_export_row_task, &job);
+    for (int i = 0; i < rows; ++i) texture->clamped += job.rows[i].clamped;
+    return spsi_progress(context, 1);
 }
 
 /* --- a light's shadow table --- */
@@ -28247,6 +28617,11 @@ SPSI_COLD sps_result spsi_require_unfinished(const sps_tmap *map) {
     return spsi_fail_that(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP, -1, "", 0, rest);
 }
 
+SPSI_COLD sps_result spsi_require_finished(const sps_tmap *map) {
+    if (map->finished) return SPS_OK;
+    return spsi_fail_that(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP, -1, "", 0, "is not finished");
+}
+
 SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene) {
     const sps_result refused = spsi_begin(map ? map->context : NULL);
     if (refused) return refused;
@@ -28357,6 +28732,24 @@ SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tma
     constants->border = map->border;
     constants->face_count = map->grid.face_count;
     return SPS_OK;
+}
+
+SPS_API sps_result sps_tmap_export(const sps_tmap *map, const sps_tmap_export_settings *settings, void *texels,
+                                   size_t bytes, sps_tmap_texture *texture) {
+    const sps_result refused = spsi_begin(map ? map->context : NULL);
+    sps_tmap_texture made;
+    if (refused) return refused;
+    if (spsi_require(map->context, settings, "settings") || spsi_require(map->context, texture, "texture") ||
+        spsi_require_finished(map) || spsi_export_check(map, settings))
+        return spsi_end(map->context);
+    spsi_export_describe(map, settings, &made);
+    if (texels && bytes < made.bytes) {
+        spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_CALL, -1, "bytes", (double)bytes,
+                        "the texture takes more (sps_tmap_texture.bytes)");
+        return spsi_end(map->context);
+    }
+    if (!texels || !spsi_export_run(map, settings, texels, &made)) *texture = made;
+    return spsi_end(map->context);
 }
 
 SPS_API sps_result sps_tmap_get_info(const sps_tmap *map, sps_tmap_info *info) {

@@ -32,19 +32,27 @@ static inline void ex_encoded_bytes(void *output, void *data, int size) {
     ex_output_bytes((ex_output *)output, data, (size_t)size);
 }
 
-/* Writes RGB of an RGBA image as it is: premultiplied, over its background; clamped to 0..1. */
-static inline int ex_write_png(const char *path, const float *rgba, int width, int height, ex_error *error) {
-    const size_t count = (size_t)width * (size_t)height;
+/* Writes codes of 8 bits as they are: three channels, or four, the last of which is alpha. */
+static inline int ex_write_png_codes(const char *path, const unsigned char *codes, int width, int height, int channels,
+                                     ex_error *error) {
     ex_output output;
     if (ex_output_begin(&output, path, error)) return 1;
-    unsigned char *codes = (unsigned char *)ex_allocate(count, 3);
-    for (size_t i = 0; i < count; ++i)
-        for (size_t c = 0; c < 3; ++c) codes[3 * i + c] = ex_srgb_code(rgba[4 * i + c]);
-    const int encoded = stbi_write_png_to_func(ex_encoded_bytes, &output, width, height, 3, codes, 3 * width);
-    free(codes);
+    const int stride = channels * width;
+    const int encoded = stbi_write_png_to_func(ex_encoded_bytes, &output, width, height, channels, codes, stride);
     if (!encoded) errno = ENOMEM; /* the encoder fails in no other way */
     ex_output_note(&output, !encoded);
     return ex_output_end(&output, error);
+}
+
+/* Writes RGB of an RGBA image as it is: premultiplied, over its background; clamped to 0..1. */
+static inline int ex_write_png(const char *path, const float *rgba, int width, int height, ex_error *error) {
+    const size_t count = (size_t)width * (size_t)height;
+    unsigned char *codes = (unsigned char *)ex_allocate(count, 3);
+    for (size_t i = 0; i < count; ++i)
+        for (size_t c = 0; c < 3; ++c) codes[3 * i + c] = ex_srgb_code(rgba[4 * i + c]);
+    const int failed = ex_write_png_codes(path, codes, width, height, 3, error);
+    free(codes);
+    return failed;
 }
 
 /* Writes RGB of an RGBA image as a Radiance picture (RGBE): each pixel in steps of at most 1/128 of its largest color.

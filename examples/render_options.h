@@ -1,4 +1,5 @@
-/* render_options.h: the options of render.c: a table of all, what they set, files of options (looks), and checks. */
+/* render_options.h: the options of render.c and bake.c: a table of all, what they set, files of options (looks), and
+   checks. */
 
 #ifndef EX_RENDER_OPTIONS_H
 #define EX_RENDER_OPTIONS_H
@@ -94,13 +95,24 @@ typedef struct setting {
     int line;          /* in the look */
 } setting;
 
+typedef enum program { RENDER, BAKE } program;
+static const char *const program_names[] = {"render", "bake"};
+
 /* All options, in order. */
 typedef struct settings {
+    program program; /* which options there are */
     setting *list;
     size_t count, capacity;
     char **texts; /* memory that values point into */
     size_t text_count, text_capacity;
 } settings;
+
+/* What bake.c makes of a scene. */
+typedef struct bake_arguments {
+    int layout, tile, tiles[2], frames[2], alpha, texels;
+    double scale;
+    const char *out[3];
+} bake_arguments;
 
 /* No list can be longer than the list of settings, so all have its length. The first volume, set of particles, mesh and
    light exist before --volume and so on, for options that come before it. */
@@ -120,9 +132,11 @@ typedef struct arguments {
     sps_tmap_settings map; /* of all lights that cast shadows by maps; options set its fields */
     int exr_type, exr_compression;
     const char *out, *pfm, *alpha_pfm, *exr, *radiance_hdr, *stats;
+    bake_arguments bake;
 } arguments;
 
-typedef enum option_owner { SCENE = 0, VOLUME, PARTICLES, MESH, LIGHT } option_owner; /* whose field an option sets */
+/* Whose field an option sets. Options of FLIPBOOK set fields of the arguments too, but only bake.c has them. */
+typedef enum option_owner { SCENE = 0, VOLUME, PARTICLES, MESH, LIGHT, FLIPBOOK } option_owner;
 
 typedef struct option_rule {
     const char *name, *form, *help; /* form NULL: it takes no value */
@@ -146,6 +160,9 @@ static const char *const shadow_names[] = {"sheets",  "deep",   "compressed", "o
                                            "samples", "none",   NULL};
 static const char *const exr_type_names[] = {"half", "float", NULL};
 static const char *const exr_compression_names[] = {"zip", "none", NULL};
+static const char *const layout_names[] = {"unity", "o3de-tlrb", "o3de-lrt", "godot", NULL};
+static const char *const alpha_names[] = {"straight", "premultiplied", NULL};
+static const char *const texel_names[] = {"unorm8", "half", "float", NULL};
 static const char *const falloff_names[] = {"inverse-square", "none", NULL}; /* in the order of sps_falloff */
 
 /* ================================================================================================ handlers */
@@ -420,6 +437,7 @@ static int set_light_size(const option_rule *rule, arguments *all, void *place, 
 #define OF_MESH(field)      MESH, offsetof(mesh_arguments, field)
 #define OF_PARTICLES(field) PARTICLES, offsetof(particles_arguments, field)
 #define OF_LIGHT(field)     LIGHT, offsetof(light_arguments, field)
+#define OF_BAKE(field)      FLIPBOOK, offsetof(arguments, bake.field)
 #define NO_NUMBERS          0, 0, 0, NULL
 #define COORDINATES         -FARTHEST, FARTHEST, NULL /* ranges of numbers */
 #define POSITIVE            0, LARGEST, NULL
@@ -507,6 +525,16 @@ static const option_rule options[] = {
     {"--stats", "FILE.json", "what the render did, and how long it took", set_text, OF_SCENE(stats), NO_NUMBERS},
     {"--plan", NULL, "says what would run, and why, and renders nothing; not with --reference", set_flag, OF_SCENE(plan), NO_NUMBERS},
     {"--list-grids", NULL, "says what grids the .vdb and .nvdb files have, and renders nothing", set_flag, OF_SCENE(list_grids), NO_NUMBERS},
+    {"--layout", "unity|o3de-tlrb|o3de-lrt|godot", "which light goes into which channel; default unity", set_choice, OF_BAKE(layout), 1, 0, 0, layout_names},
+    {"--tile", "N", "pixels along each side of a frame; default 256", set_integers, OF_BAKE(tile), 1, 1, 16384, NULL},
+    {"--tiles", "C,R", "columns and rows of frames, from the top left; default: as square as can be", set_integers, OF_BAKE(tiles), 2, 1, 4096, NULL},
+    {"--frames", "A,B", "numbers of the first and the last frame, for %d or %0Nd in names of files", set_integers, OF_BAKE(frames), 2, 0, 999999999, NULL},
+    {"--alpha", "straight|premultiplied", "premultiplied: radiance as it is seen; straight, the default: divided by coverage", set_choice, OF_BAKE(alpha), 1, 0, 0, alpha_names},
+    {"--scale", "S", "texture's numbers per radiance, under lights of irradiance 1; default 1", set_reals, OF_BAKE(scale), 1, 1e-6, 1e6, NULL},
+    {"--texels", "unorm8|half|float", "of .dds, which has all three, and .exr; default half; .png is unorm8", set_choice, OF_BAKE(texels), 1, 0, 0, texel_names},
+    {"--out-a", "FILE", "the first texture, as .png, .exr or .dds", set_text, OF_BAKE(out[0]), NO_NUMBERS},
+    {"--out-b", "FILE", "the second one", set_text, OF_BAKE(out[1]), NO_NUMBERS},
+    {"--out-c", "FILE", "the third one, of any layout but unity's", set_text, OF_BAKE(out[2]), NO_NUMBERS},
     {"--help", NULL, "this text", set_flag, OF_SCENE(help), NO_NUMBERS},
 };
 /* clang-format on */
@@ -542,6 +570,7 @@ static const char *const headings[][2] = {
      "  lens; W is its edge perpendicular to --up."},
     {"--slab-thickness", "Rendering."},
     {"--out", "Results. At least one is required."},
+    {"--layout", "The textures."},
     {"--help", "Help."},
 };
 
@@ -555,12 +584,24 @@ static void print_long_form(const char *name, const char *form) {
     if (rest > form) printf("    %s\n", rest);
 }
 
-static void print_help(void) {
-    puts("usage: render [options]\n\n"
-         "Options stand in any order. Of one that is given twice and is not repeatable, the last counts.\n"
-         "Exit status: 0 done, 1 the render failed, 2 an option or a file is wrong.");
+static const option_rule *find_option(const char *name) {
+    for (int i = 0; i < OPTION_COUNT; ++i)
+        if (strcmp(options[i].name, name) == 0) return &options[i];
+    return NULL;
+}
+
+/* Whether a program has an option at all. */
+static int is_option_of(program which, const option_rule *rule) { return which == BAKE || rule->owner != FLIPBOOK; }
+
+/* Prints the usage, and all options but those that are left out; these end with NULL. */
+static void print_help(program which, const char *usage, const char *const *left_out) {
+    printf("usage: %s\n\n"
+           "Options stand in any order. Of one that is given twice and is not repeatable, the last counts.\n"
+           "Exit status: 0 done, 1 the render failed, 2 an option or a file is wrong.\n",
+           usage);
     for (int i = 0; i < OPTION_COUNT; ++i) {
         char left[200];
+        if (!is_option_of(which, &options[i]) || ex_find_name(left_out, options[i].name) >= 0) continue;
         for (size_t k = 0; k < sizeof headings / sizeof *headings; ++k)
             if (strcmp(headings[k][0], options[i].name) == 0) printf("\n%s\n", headings[k][1]);
         snprintf(left, sizeof left, "%s %s", options[i].name, options[i].form ? options[i].form : "");
@@ -571,12 +612,6 @@ static void print_help(void) {
 
 /* ================================================================================================= parsing */
 
-static const option_rule *find_option(const char *name) {
-    for (int i = 0; i < OPTION_COUNT; ++i)
-        if (strcmp(options[i].name, name) == 0) return &options[i];
-    return NULL;
-}
-
 /* Whether a set contains an option, by its row in the table or by its name. */
 static int has_row(option_set given, int row) { return (int)(given.words[row / 64] >> row % 64 & 1); }
 static int has(option_set given, const char *name) { return has_row(given, (int)(find_option(name) - options)); }
@@ -584,7 +619,7 @@ static int has(option_set given, const char *name) { return has_row(given, (int)
 /* The struct whose field the option sets: the arguments, or the volume, particles, mesh or light before it, or else the
    first. */
 static void *find_owner(const option_rule *rule, arguments *all) {
-    if (rule->owner == SCENE) return all;
+    if (rule->owner == SCENE || rule->owner == FLIPBOOK) return all;
     if (rule->owner == VOLUME) return all->volumes + (all->volume_count ? all->volume_count - 1 : 0);
     if (rule->owner == PARTICLES) return all->particles + (all->particle_set_count ? all->particle_set_count - 1 : 0);
     if (rule->owner == MESH) return all->meshes + (all->mesh_count ? all->mesh_count - 1 : 0);
@@ -645,7 +680,7 @@ static int read_look_line(settings *all, const char *look, int line, char *text,
     snprintf(name, sizeof name, "--%.*s", (int)(length < 70 ? length : 70), text);
     const option_rule *rule = find_option(name);
     const char *value = ex_skip_blanks(text + length);
-    if (!rule || !rule->apply)
+    if (!rule || !rule->apply || !is_option_of(all->program, rule))
         return ex_fail(error, "%s:%d: '%s' is not an option for a look", look, line, ex_quoted(name + 2).text);
     if (rule->form && !*value) return ex_fail(error, "%s:%d: %s needs a value: %s", look, line, name, rule->form);
     if (!rule->form && *value)
@@ -673,7 +708,8 @@ static int read_look(settings *all, const char *look, ex_error *error) {
 static int read_settings(int argc, char **argv, settings *all, ex_error *error) {
     for (int i = 1; i < argc; ++i) {
         const option_rule *rule = find_option(argv[i]);
-        if (!rule) return ex_fail(error, "unknown option '%.80s'; --help lists them", argv[i]);
+        if (!rule || !is_option_of(all->program, rule))
+            return ex_fail(error, "unknown option '%.80s'; --help lists them", argv[i]);
         setting added = {rule, NULL, NULL, 0};
         if (rule->form) {
             if (i + 1 == argc || strncmp(argv[i + 1], "--", 2) == 0)
@@ -837,8 +873,9 @@ static void warn_of_spaces(const arguments *all) {
         if (!*volume->space) continue;
         if (!first) first = volume;
         if (strcmp(volume->space, first->space) == 0) continue;
-        fprintf(stderr, "render: coordinates of %s are %s, those of %s are %s: both are used as they are\n",
-                ex_quoted(first->file).text, first->space, ex_quoted(volume->file).text, volume->space);
+        fprintf(stderr, "%s: coordinates of %s are %s, those of %s are %s: both are used as they are\n",
+                program_names[all->settings->program], ex_quoted(first->file).text, first->space,
+                ex_quoted(volume->file).text, volume->space);
         return;
     }
 }
@@ -904,7 +941,7 @@ static const char *find_input(const arguments *all, const char *path) {
 }
 
 /* Checks files before the render, which may be long, and keeps inputs from being overwritten by mistake. */
-static int check_outputs(const arguments *all, ex_error *error) {
+static inline int check_outputs(const arguments *all, ex_error *error) {
     enum { OUTPUTS = 6 };
     const char *const names[OUTPUTS] = {"--out", "--pfm", "--alpha-pfm", "--exr", "--radiance-hdr", "--stats"};
     const char *const files[OUTPUTS] = {all->out, all->pfm, all->alpha_pfm, all->exr, all->radiance_hdr, all->stats};
@@ -937,10 +974,10 @@ static int has_maps(const arguments *all) {
 }
 
 /* Whether shadows are traced from every step of every ray. */
-static int is_marched(const arguments *all) { return all->reference || shadow_is(all, "samples"); }
+static inline int is_marched(const arguments *all) { return all->reference || shadow_is(all, "samples"); }
 
 /* Whether light scatters once although no option says so: only paths follow more of it in the reference. */
-static int is_scattered_once(const arguments *all) {
+static inline int is_scattered_once(const arguments *all) {
     return is_marched(all) && all->samples == 0 && !has(all->given, "--scattering");
 }
 
@@ -996,7 +1033,7 @@ static int check_lights(const arguments *all, ex_error *error) {
 }
 
 /* Checks that need the whole command line. */
-static int check(const arguments *all, ex_error *error) {
+static int check_scene_options(const arguments *all, ex_error *error) {
     const int *region = all->region;
     if (check_owners(all, error) || check_volumes(all, error) || check_map(all, error) || check_lights(all, error))
         return 1;
@@ -1012,7 +1049,11 @@ static int check(const arguments *all, ex_error *error) {
             return ex_fail(error, "--region %d,%d,%d,%d is empty or not within the image of %d x %d", region[0],
                            region[1], region[2], region[3], all->width, all->height);
     }
-    return check_outputs(all, error);
+    return 0;
+}
+
+static inline int check(const arguments *all, ex_error *error) {
+    return check_scene_options(all, error) || check_outputs(all, error);
 }
 
 #endif /* EX_RENDER_OPTIONS_H */

@@ -1,4 +1,5 @@
-/* Shared by tests of examples/render.c: a folder for their files, and its output when run there. Include after check.h.
+/* Shared by tests of examples/render.c and bake.c: a folder for their files, and its output when run there. Include
+ * after check.h.
  */
 
 #ifndef COMMAND_LINE_H
@@ -25,8 +26,14 @@ static inline void folder_end(void) {
     CHECK(system(command) == 0);
 }
 
+/* The program that is tested. */
+static const char *tested = "render";
+
 static inline int render_is_built(void) {
-    FILE *program = fopen("build/tests/render", "rb");
+    char path[200];
+    FILE *program;
+    snprintf(path, sizeof path, "build/tests/%s", tested);
+    program = fopen(path, "rb");
     if (program) fclose(program);
     return program != NULL;
 }
@@ -62,7 +69,7 @@ static inline outcome run_render(const char *options) {
     static char command[4000];
     outcome result;
     int status;
-    snprintf(command, sizeof command, "cd %s && ../tests/render %s 2>said", folder, options);
+    snprintf(command, sizeof command, "cd %s && ../tests/%s %s 2>said", folder, tested, options);
     status = system(command);
     result.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
     read_file("said", result.said, sizeof result.said);
@@ -77,9 +84,9 @@ static inline int is_printable(const char *text, size_t length) {
 }
 
 static inline int is_one_line(const char *said) {
-    const size_t length = strlen(said);
-    return length > 10 && strncmp(said, "render: ", 8) == 0 && said[length - 1] == '\n' &&
-           is_printable(said, length - 1);
+    const size_t length = strlen(said), start = strlen(tested);
+    return length > start + 4 && strncmp(said, tested, start) == 0 && strncmp(said + start, ": ", 2) == 0 &&
+           said[length - 1] == '\n' && is_printable(said, length - 1);
 }
 
 typedef struct complaint {
@@ -93,8 +100,19 @@ static inline void check_complaints(const complaint *list, size_t count) {
         const outcome got = run_render(list[i].options);
         const int right = list[i].words ? is_one_line(got.said) && strstr(got.said, list[i].words) : got.said[0] == 0;
         if (!CHECK(got.status == list[i].status) || !CHECK(right))
-            printf("    render %s\n    gives %d, and says: %s\n", list[i].options, got.status, got.said);
+            printf("    %s %s\n    gives %d, and says: %s\n", tested, list[i].options, got.status, got.said);
     }
+}
+
+/* ImageMagick's command that converts; NULL: it is not installed. */
+static inline const char *find_magick(void) {
+    static const char *const names[] = {"magick", "convert", "/usr/bin/convert"};
+    char command[200];
+    for (int i = 0; i < 3; ++i) {
+        snprintf(command, sizeof command, "%s -version 2>/dev/null | grep -q 'Version: ImageMagick'", names[i]);
+        if (system(command) == 0) return names[i];
+    }
+    return NULL;
 }
 
 #define CHECK_COMPLAINTS(list) check_complaints((list), sizeof(list) / sizeof *(list))

@@ -201,14 +201,17 @@ static void test_other_readers(void) {
                  pythons[i]);
         if (!is_there) *pillow = 0;
     }
-    const int has_magick = system("command -v identify >/dev/null && command -v convert >/dev/null") == 0;
+    const char *magick = find_magick();
+    char line[100];
     if (!*pillow) printf("skipped: DDS by Pillow: install python3-pil\n");
-    if (!has_magick) printf("skipped: DDS by ImageMagick: install imagemagick\n");
+    if (!magick) printf("skipped: DDS by ImageMagick: install imagemagick\n");
     check_texture(&known[1], 7, 5, 0, 0);
     if (*pillow) check_reader("Pillow", pillow, 140);
-    if (has_magick) check_reader("ImageMagick", "convert a.dds -depth 8 rgba:-", 140);
+    snprintf(line, sizeof line, "%s a.dds -depth 8 rgba:-", magick ? magick : "");
+    if (magick) check_reader("ImageMagick", line, 140);
     check_texture(&known[0], 7, 5, 0, 0);
-    if (has_magick) check_reader("ImageMagick", "convert a.dds -depth 8 gray:-", 35);
+    snprintf(line, sizeof line, "%s a.dds -depth 8 gray:-", magick ? magick : "");
+    if (magick) check_reader("ImageMagick", line, 35);
 }
 
 int main(void) {

@@ -201,7 +201,8 @@ INSTALL_CHECKS_THERE := $(foreach c,$(INSTALL_CHECKS),$(shell command -v $(c) >/
 $(foreach c,$(filter-out $(INSTALL_CHECKS_THERE),$(INSTALL_CHECKS)),$(call skipped,the quick start by $(c): install it))
 
 # Tests that run the command line, which is linked with the native configuration's header
-$(if $(STB_THERE),$(if $(filter native,$(READY)),$(foreach c,$(READY),$(eval build/tests/$(c).test_command_line.log build/tests/$(c).test_files.log build/tests/$(c).test_vdb.log build/tests/$(c).test_exr.log build/tests/$(c).test_blackbody.log: build/tests/render))))
+$(if $(STB_THERE),$(if $(filter native,$(READY)),$(foreach c,$(READY),$(eval build/tests/$(c).test_command_line.log build/tests/$(c).test_files.log build/tests/$(c).test_vdb.log build/tests/$(c).test_exr.log build/tests/$(c).test_blackbody.log build/tests/$(c).test_six_way.log: build/tests/render) \
+	$(eval build/tests/$(c).test_six_way.log: build/tests/bake))))
 
 # The program in plain C that test_simd compares itself with, linked once for several configurations
 SIMD_PLAIN_THERE = $(if $(SPLATSHADOW_LONG),,$(if $(filter sanitized,$(READY)),build/tests/simd_plain))
@@ -217,7 +218,7 @@ $(foreach c,$(READY),$(eval build/tests/$(c).test_tutorial.log: $(READY_STEPS)))
 # some of these take long. What others are linked with comes first, so that neither core waits.
 .PHONY: objects run-tests
 objects: $(foreach c,$(filter native,$(READY)) $(filter-out native,$(filter $(SPLIT),$(READY))),$(call code,$(c))) $(SIMD_PLAIN_THERE) \
-	$(if $(STB_THERE),$(if $(filter native,$(READY)),build/tests/render))
+	$(if $(STB_THERE),$(if $(filter native,$(READY)),build/tests/render build/tests/bake))
 run-tests: $(INSTALL_CHECKS_THERE:%=build/tests/install.%.log) $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
 	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) $(READY_STEPS) \
 	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log build/tests/cases.log build/tests/names.log \
@@ -322,7 +323,7 @@ build/tests/step.%.log: examples/tutorial/%.c $(HEADERS) $(wildcard examples/sha
 	@$(call run,step.$*,$(COMPILE_native) $(WARNINGS_C) -Werror $(INCLUDES) $< build/tests/native.code.o \
 		-o build/tests/tutorial/$* $(LIBRARIES) && $(ONE_PASSED))
 
-build/tests/render: examples/render.c $(HEADERS) build/tests/native.code.o
+build/tests/render build/tests/bake: build/tests/%: examples/%.c $(HEADERS) build/tests/native.code.o
 	@$(COMPILE_native) $(INCLUDES) $< build/tests/native.code.o -o $@ $(LIBRARIES)
 
 build/tests/simd_plain: tests/test_simd.c tests/check.h $(call code,sanitized) build/tests/faces/splatshadow.h

@@ -359,9 +359,8 @@ static int run_command(int argc, char **argv, settings *given, ex_error *error) 
         ex_fail(error, "'%.40s' is no command; --help lists them", name);
         return EX_MISTAKEN;
     }
-    puts("usage: bake COMMAND [options]\n");
-    for (int i = 0; i < COMMANDS; ++i)
-        printf("  %-20s %s; bake %s --help lists its options\n", commands[i].name, commands[i].help, commands[i].name);
+    puts("usage: bake COMMAND [options]; bake COMMAND --help lists the options\n");
+    for (int i = 0; i < COMMANDS; ++i) printf("  %-20s %s\n", commands[i].name, commands[i].help);
     return EX_OK;
 }
 

@@ -66,11 +66,12 @@ static inline ex_card_layout ex_card_layout_of(int number) {
 /* Puts a number in the place of %d or %0Nd, which may stand once in a name; N is 1 to 9. Nothing else may begin with %.
    Sets `has_number`. The caller frees the name. Returns NULL where the name is wrong. */
 static inline char *ex_frame_name(const char *name, int number, int *has_number) {
-    const char *mark = strchr(name, '%'), *after = mark + 1;
+    const char *mark = strchr(name, '%');
     int digits = 0;
     *has_number = mark != NULL;
     char *out = (char *)ex_allocate(strlen(name) + 16, 1);
     if (!mark) return strcpy(out, name);
+    const char *after = mark + 1;
     if (after[0] == '0' && after[1] >= '1' && after[1] <= '9') digits = after[1] - '0', after += 2;
     if (*after != 'd' || strchr(after, '%')) {
         free(out);

@@ -35,6 +35,14 @@ own_buffers() {
     echo '#define tmap_bound own_map'
 }
 
+# six_way "#version ..": examples/shaders/six_way.glsl, used as its comment says.
+six_way() {
+    echo "$1" && echo 'precision highp float;' && cat examples/shaders/six_way.glsl &&
+        echo 'uniform sampler2D map_a, map_b; in vec3 at; out vec4 color; void main() {' &&
+        echo 'vec4 a = texture(map_a, at.xy), b = texture(map_b, at.xy);' &&
+        echo 'color = vec4(six_way_radiance(a, b, normalize(at)), b.w, 0.0, a.w); }'
+}
+
 # check FILE COMMAND..: runs a command on FILE
 check() {
     file=$1 && shift
@@ -51,11 +59,13 @@ glsl '#version 450' < /dev/null > "$folder/$compiler.450.frag"
 own_map='layout(std140, binding = 3) uniform Own { tmap own_map; };'
 own_buffers | glsl '#version 450' "$own_map" > "$folder/$compiler.own.frag"
 hlsl > "$folder/$compiler.hlsl"
+six_way '#version 130' > "$folder/$compiler.six_way_130.frag"
+six_way '#version 300 es' > "$folder/$compiler.six_way_es.frag"
 object=$folder/$compiler.spv
 
 case $compiler in
 glslangValidator)
-    for version in 430 es 450 own; do check "$folder/$compiler.$version.frag" glslangValidator; done
+    for version in 430 es 450 own six_way_130 six_way_es; do check "$folder/$compiler.$version.frag" glslangValidator; done
     check "$folder/$compiler.450.frag" glslangValidator -V -o "$object"
     check "$folder/$compiler.hlsl" glslangValidator -D -V -S frag -e main -Iexamples/shaders -o "$object"
     ;;

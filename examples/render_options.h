@@ -867,8 +867,9 @@ static int find_voxels(volume_arguments *volume, ex_error *error) {
 
 /* Says so once if files that are opened together name different directions for their coordinates. */
 static void warn_of_spaces(const arguments *all) {
+    static int is_told; /* a bake opens each frame twice */
     const volume_arguments *first = NULL;
-    for (int i = 0; i < all->volume_count; ++i) {
+    for (int i = 0; i < all->volume_count && !is_told; ++i) {
         const volume_arguments *volume = &all->volumes[i];
         if (!*volume->space) continue;
         if (!first) first = volume;
@@ -876,7 +877,7 @@ static void warn_of_spaces(const arguments *all) {
         fprintf(stderr, "%s: coordinates of %s are %s, those of %s are %s: both are used as they are\n",
                 program_names[all->settings->program], ex_quoted(first->file).text, first->space,
                 ex_quoted(volume->file).text, volume->space);
-        return;
+        is_told = 1;
     }
 }
 

@@ -69,7 +69,8 @@ static inline char *ex_frame_name(const char *name, int number, int *has_number)
     const char *mark = strchr(name, '%');
     int digits = 0;
     *has_number = mark != NULL;
-    char *out = (char *)ex_allocate(strlen(name) + 16, 1);
+    const size_t size = strlen(name) + 16;
+    char *out = (char *)ex_allocate(size, 1);
     if (!mark) return strcpy(out, name);
     const char *after = mark + 1;
     if (after[0] == '0' && after[1] >= '1' && after[1] <= '9') digits = after[1] - '0', after += 2;
@@ -77,13 +78,14 @@ static inline char *ex_frame_name(const char *name, int number, int *has_number)
         free(out);
         return NULL;
     }
-    sprintf(out, "%.*s%0*d%s", (int)(mark - name), name, digits, number, after + 1);
+    snprintf(out, size, "%.*s%0*d%s", (int)(mark - name), name, digits, number, after + 1);
     return out;
 }
 
 /* -------------------------------------------------------------------------------------------------------- the card */
 
-/* Frames in rows from the top left. Each map has a number per pixel of the whole: of light, radiance as it is seen. */
+/* Frames in rows from the top left. Each map has a number per pixel of all frames. Maps of light have premultiplied
+   radiance. */
 typedef struct ex_card {
     int tile, columns, rows; /* pixels along a frame's sides; frames */
     float *maps[EX_SIDES];

@@ -101,8 +101,9 @@ static int full(void *user, size_t count, const double *xyz, float *out) {
 
 /* A slab of optical depth t across the view: lit from behind w/(4 pi) t e^-t, from the front w/(8 pi) (1 - e^-2t),
    alpha 1 - e^-t. Sheets and the planes of shadow tables are d = t / 64 apart. Light that reaches the middle of a sheet
-   lights all of it: from the front, d^2 / 8 too little. Next to a face, depth between planes is wrong by up to d / 4,
-   over 2 d of the light from the front, and over 2 d / t of the light from behind. Floats and 16-bit planes: 1e-4. */
+   lights all of it: from the front, d^2 / 8 too little. Next to a face, depth between planes is wrong by up to d / 4.
+   That holds for 2 d of the light from the front, and for 2 d / t of the light from behind. Floats and 16-bit planes:
+   1e-4. */
 static void test_slab(void) {
     static const double half[3] = {0.5, 0.5, 0.25}, depths[] = {0.1, 0.7, 2, 5};
     for (int i = 0; i < 4; ++i) {
@@ -195,7 +196,7 @@ static void test_single_renders(void) {
     }
 }
 
-/* Of colored gas, each map is the luminance of a render in white light. */
+/* Maps of colored gas are the luminance of a render in white light. */
 static void test_colored(void) {
     static float rgba[4 * PIXELS];
     stage s;
@@ -638,7 +639,7 @@ static void test_camera(void) {
     CHECK(b[4 * 12 + 3] == 0 && b[4 * 14 + 3] > 0 && a[4 * 12 + 3] > 0); /* twice as wide as the ball */
 }
 
-/* The same bytes for any number of threads, and as PNG and DDS of 8 bits. */
+/* Bytes are the same for any number of threads, and as PNG and DDS of 8 bits. */
 static void test_files(void) {
     static const complaint made[] = {
         {"six-way " GAS "--scale 4 --threads 1 " OUT, 0, NULL},

@@ -5,11 +5,12 @@
        vec3 towards = vec3(dot(light, card_right), dot(light, card_up), dot(light, card_towards_eye));
        vec3 radiance = irradiance * six_way_radiance(a, b, towards) / scale;
 
-   Add the radiance of all lights, and glow_color * b.w / scale; blend by a.w, straight or premultiplied as it was baked.
+   Add the radiance of all lights, and glow_color * b.w / scale. Blend by a.w, straight or premultiplied as it was
+   baked.
 
    Squares of the direction's components weigh the three sides that face the light, as Unity and O3DE do. That is exact
-   for a light on one side. In 26 directions, the error of radiance is 6 % of its mean (rms) for an isotropic cloud of
-   optical depth 0.7, and 22 % at 5.5, or 17 % with multiple scattering. With a phase function of asymmetry 0.6 it is
+   for a light on one side. In 26 directions, the rms error is 6 % of mean radiance for an isotropic cloud of optical
+   depth 0.7. At 5.5 it is 22 %, or 17 % with multiple scattering. With a phase function of asymmetry 0.6 it is
    twice the mean: the glow around a light behind the card belongs to that direction only. tests/test_six_way.c has
    these figures.
 

@@ -334,6 +334,16 @@ static void test_layouts(void) {
     ex_card_free(&card);
 }
 
+/* Codes of 8 bits are rounded, and clamped. Engines that decode sRGB decode three channels, never alpha. */
+static void test_codes(void) {
+    static const float numbers[8] = {0.25f, 2, -1, 0.25f, 0.002f, NAN, 1, 0.75f};
+    static const unsigned char linear[8] = {64, 255, 0, 64, 1, 0, 255, 191},
+                               srgb[8] = {137, 255, 0, 64, 7, 0, 255, 191};
+    unsigned char *codes[2] = {ex_card_codes(numbers, 2, 0), ex_card_codes(numbers, 2, 1)};
+    CHECK(memcmp(codes[0], linear, 8) == 0 && memcmp(codes[1], srgb, 8) == 0);
+    free(codes[0]), free(codes[1]);
+}
+
 /* Premultiplied is straight times alpha, to the rounding of one division; where nothing is, both are 0. */
 static void test_alpha(void) {
     stage s;
@@ -802,6 +812,7 @@ int main(void) {
     RUN(test_glow);
     RUN(test_layouts);
     RUN(test_alpha);
+    RUN(test_codes);
     RUN(test_names);
     RUN(test_shader);
     tested = "bake";

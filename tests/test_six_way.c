@@ -804,7 +804,7 @@ static void test_command_line(void) {
 int main(void) {
     RUN(test_slab);
     RUN(test_ball);
-    RUN(test_single_renders);
+    if (!check_memory_only()) RUN(test_single_renders);
     RUN(test_colored);
     RUN(test_grey);
     RUN(test_tiles);
@@ -814,7 +814,7 @@ int main(void) {
     RUN(test_alpha);
     RUN(test_codes);
     RUN(test_names);
-    RUN(test_shader);
+    if (!check_memory_only()) RUN(test_shader);
     tested = "bake";
     if (!check_memory_only()) test_command_line(); /* which is no program with sanitizers */
     return check_report();

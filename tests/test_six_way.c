@@ -344,6 +344,27 @@ static void test_codes(void) {
     free(codes[0]), free(codes[1]);
 }
 
+/* The camera that a card is seen by: its place, what it sees, and which way is up, wherever it was put. */
+static void test_fit(void) {
+    const double lo[3] = {-1, 2, 5}, hi[3] = {3, 4, 6};
+    sps_camera free_camera = {0}, above = {0}, narrow = {0}, point = {0};
+    free_camera.up[1] = 2;
+    ex_card_fit(lo, hi, 0, &free_camera);
+    CHECK(free_camera.target[0] == 1 && free_camera.target[1] == 3 && free_camera.target[2] == 5.5);
+    CHECK(free_camera.position[0] == 1 && free_camera.position[1] == 3 && free_camera.position[2] == 12.5);
+    CHECK(free_camera.ortho_height == 4 && free_camera.up[0] == 0 && free_camera.up[1] == 1 && free_camera.up[2] == 0);
+    above.position[1] = 9, above.up[1] = 1; /* up along the view: any axis across it */
+    ex_card_fit(lo, hi, 1, &above);
+    CHECK(above.position[1] == 9 && above.ortho_height == 12 && above.up[1] == 0); /* 6 from the target to z = 6 */
+    CHECK_NEAR(above.up[0] * above.up[0] + above.up[2] * above.up[2], 1, 1e-15);
+    narrow.up[1] = 1, narrow.ortho_height = 0.5;
+    ex_card_fit(lo, hi, 0, &narrow);
+    CHECK(narrow.ortho_height == 0.5 && narrow.target[0] == 1);
+    point.up[1] = 1;
+    ex_card_fit(lo, lo, 0, &point);
+    CHECK(point.ortho_height == 1 && point.position[2] == 6 && point.target[2] == 5);
+}
+
 /* Premultiplied is straight times alpha, to the rounding of one division; where nothing is, both are 0. */
 static void test_alpha(void) {
     stage s;
@@ -813,6 +834,7 @@ int main(void) {
     RUN(test_layouts);
     RUN(test_alpha);
     RUN(test_codes);
+    RUN(test_fit);
     RUN(test_names);
     if (!check_memory_only()) RUN(test_shader);
     tested = "bake";

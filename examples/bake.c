@@ -279,7 +279,7 @@ static void tell_uncovered(const six_way *run) {
     for (size_t i = 0; i < ex_card_pixels(&run->card); ++i)
         count += run->card.maps[EX_GLOW][i] > 0 && !(run->card.maps[EX_ALPHA][i] > 0);
     if (count > 0)
-        fprintf(stderr, "bake: %zu pixels glow without alpha, and become 0: --alpha premultiplied keeps them\n", count);
+        fprintf(stderr, "bake: %zu pixels glow without alpha, and are lost: --alpha premultiplied keeps them\n", count);
 }
 
 static int write_texture(const six_way *run, int number, ex_error *error) {

@@ -263,15 +263,32 @@ typedef struct ex_card_texture {
     ex_card_layout layout;
     int number;      /* which of the layout's textures */
     float scale;     /* of radiance */
-    int is_straight; /* 1: radiance is divided by alpha, and 0 where that is 0 */
+    int is_straight; /* 1: radiance is divided by alpha */
 } ex_card_texture;
+
+/* A map's mean over the neighbours in the frame that have alpha; 0 where none has. Filters mix such pixels with the
+   neighbours, which would otherwise get a dark rim. */
+static inline float ex_card_beside(const ex_card *card, ex_side side, size_t pixel) {
+    const int width = card->tile * card->columns, x = (int)(pixel % (size_t)width), y = (int)(pixel / (size_t)width);
+    const int left = x / card->tile * card->tile, top = y / card->tile * card->tile;
+    float sum = 0;
+    int count = 0;
+    for (int v = y - 1; v <= y + 1; ++v)
+        for (int u = x - 1; u <= x + 1; ++u) {
+            if (u < left || u >= left + card->tile || v < top || v >= top + card->tile) continue;
+            const size_t at = (size_t)v * (size_t)width + (size_t)u;
+            const float alpha = card->maps[EX_ALPHA][at];
+            if (alpha > 0.0f) sum += card->maps[side][at] / alpha, ++count;
+        }
+    return count > 0 ? sum / (float)count : 0.0f;
+}
 
 static inline float ex_card_number(const ex_card *card, const ex_card_texture *texture, ex_side side, size_t pixel) {
     if (side >= EX_SIDES) return side == EX_ONE ? 1.0f : 0.0f;
     const float value = card->maps[side][pixel], alpha = card->maps[EX_ALPHA][pixel];
     if (side == EX_ALPHA) return value;
     if (!texture->is_straight) return texture->scale * value;
-    return alpha > 0.0f ? texture->scale * value / alpha : 0.0f;
+    return texture->scale * (alpha > 0.0f ? value / alpha : ex_card_beside(card, side, pixel));
 }
 
 /* The four numbers of each pixel. The caller frees them. */

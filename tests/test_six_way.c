@@ -342,8 +342,9 @@ static void test_rim(void) {
     for (int i = 0; i < 36; ++i) card.maps[EX_LEFT][i] = 9; /* which counts nowhere without alpha */
     card.maps[EX_ALPHA][0] = 0.5f, card.maps[EX_LEFT][0] = 0.25f, card.maps[EX_GLOW][0] = 1;
     card.maps[EX_ALPHA][2] = 0.25f, card.maps[EX_LEFT][2] = 0.5f;
+    card.maps[EX_ALPHA][15] = 0.5f, card.maps[EX_LEFT][15] = 0.5f; /* the corner of the next frame */
     float *b = ex_card_texels(&card, &straight);
-    const float left[18] = {1, 2.5f, 4, 0, 0, 0, 1, 2.5f, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0}; /* three rows of two frames */
+    const float left[18] = {1, 2.5f, 4, 0, 0, 0, 1, 2.5f, 4, 2, 2, 0, 0, 0, 0, 2, 2, 0}; /* three rows of two frames */
     for (int i = 0; i < 36; ++i) CHECK(b[4 * i] == (i < 18 ? left[i] : 0));
     CHECK(b[3] == 4 && b[4 + 3] == 2 && b[4 * 2 + 3] == 0 && b[4 * 6 + 3] == 4 && b[4 * 3 + 3] == 0);
     free(b);

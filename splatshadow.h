@@ -13964,12 +13964,15 @@ SPSI_COLD size_t spsi_tmap_item_count(const sps_tmap *map) {
 }
 
 static spsi_texel spsi_tmap_texel(const sps_tmap *map, size_t index) {
-    const uint32_t *starts = (const uint32_t *)map->data.starts.data + (map->technique->lists ? index : 0);
-    const size_t components = (size_t)map->settings.components;
-    const float *values = (const float *)map->data.texels.data + index * components + 2 * map->has_range;
+    const float *values = (const float *)map->data.texels.data;
     spsi_texel texel = {values, 0};
-    if (!map->technique->lists) return texel;
-    texel.data = (const char *)map->data.texels.data + starts[0] * map->technique->lists;
+    if (!values) return texel; /* surfaces alone, or no list has items */
+    if (!map->technique->lists) {
+        texel.data = values + index * (size_t)map->settings.components + 2 * map->has_range;
+        return texel;
+    }
+    const uint32_t *starts = (const uint32_t *)map->data.starts.data + index;
+    texel.data = (const char *)values + starts[0] * map->technique->lists;
     texel.count = starts[1] - starts[0];
     return texel;
 }
@@ -15664,7 +15667,7 @@ SPSI_COLD sps_result spsi_export_check(const sps_tmap *map, const sps_tmap_expor
 
 SPSI_COLD void spsi_export_describe(const sps_tmap *map, const sps_tmap_export_settings *settings,
                                     sps_tmap_texture *texture) {
-    static const float biases[4][2] = {{5e-7f, 5e-6f}, {6e-4f, 6e-3f}, {6e-5f, 6e-4f}, {2e-2f, 1e-1f}};
+    static const float biases[4][2] = {{5e-7f, 5e-6f}, {1e-5f, 1e-5f}, {1e-5f, 1e-5f}, {6e-4f, 1e-3f}};
     const int wide = settings->layout != SPS_EXPORT_SLICES && settings->content != SPS_EXPORT_SURFACES;
     const int gas = map->settings.components + (map->data.fronts.data != NULL);
     int tiles, columns = 1;

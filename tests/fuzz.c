@@ -13,6 +13,27 @@ static void compare_workers(const scenery *x, long number, sps_context *used) {
         report(number, "seven workers", result, used);
 }
 
+/* Exports the map in one of all formats and layouts into memory of just its size: floats are finite. */
+static int export_sane(const sps_tmap *map, long number) {
+    const int lists = map->technique->lists > 0, empty = map->settings.components == 0 && !lists;
+    sps_tmap_export_settings settings = {0, SPS_EXPORT_GAS, SPS_EXPORT_FLOAT, SPS_EXPORT_ARRAY, 0, 0, 0, 0, 0};
+    sps_tmap_texture texture;
+    if (empty && !sps_tmap_surfaces(map)) return 1;
+    settings.content = lists ? SPS_EXPORT_BEER : empty ? SPS_EXPORT_SURFACES : SPS_EXPORT_GAS;
+    settings.format = (sps_export_format)(empty ? 0 : number % 4);
+    settings.layout = (sps_export_layout)(number / 4 % (map->grid.face_count > 1 ? 4 : 3));
+    settings.keep_empty = number % 3 == 0;
+    if (sps_tmap_export(map, &settings, NULL, 0, &texture) != SPS_OK || texture.bytes > 1u << 28) return 0;
+    float *texels = (float *)malloc(texture.bytes);
+    int good = texels && sps_tmap_export(map, &settings, texels, texture.bytes, &texture) == SPS_OK;
+    for (size_t i = 0; i < texture.bytes / 4 && good && settings.format == SPS_EXPORT_FLOAT; ++i)
+        good = fabsf(texels[i]) <= FLT_MAX;
+    for (int k = 0; k < 68; ++k)
+        good &= texture.constants.scale[k] > 0 && fabsf(texture.constants.offset[k]) <= FLT_MAX;
+    free(texels);
+    return good;
+}
+
 /* A map of the scene. */
 static void fuzz_map(scenery *x, long number) {
     check_hooks hooks;
@@ -24,6 +45,7 @@ static void fuzz_map(scenery *x, long number) {
     random_map_of(x, &light, &wanted);
     const sps_result result = make_map(context, x, &light, &wanted, &map);
     check_map_outcome(map, number, result, context);
+    if (result == SPS_OK && !CHECK(export_sane(map, number))) report(number, "export", result, context);
     sps_tmap_destroy(map);
     sps_destroy(context);
     if (!CHECK(hooks.live == 0 && hooks.live_blocks == 0)) printf("    scene %ld leaks by its map\n", number);

@@ -90,6 +90,11 @@ layout(std140, binding = 4) uniform tmap_block { tmap tmap_bound; };
 #define TMAP_FRONT(map, i)   tmap_fronts[i]
 #endif
 
+/* Moments in a narrower format need more: sps_export_constants has it. */
+#ifndef TMAP_MOMENT_BIAS
+#define TMAP_MOMENT_BIAS(map, n) ((n) == 5 ? 5e-7f : 5e-6f)
+#endif
+
 /* Throughout, `first` is the index of a texel's first float, n the number of its floats, and u the depth: 0 at
    near_depth, 1 at far_depth. A function *_depth returns the optical depth before u. */
 
@@ -228,7 +233,7 @@ TMAP_FUNCTION float tmap_wide_moment(int n, int k) {
 /* Cholesky factor of the matrix whose element i, j is moment i + j. */
 TMAP_FUNCTION tmap_triangle tmap_moment_factor(tmap map, int first, int n) {
     tmap_triangle f;
-    float bias = n == 5 ? 5e-7f : 5e-6f;
+    float bias = TMAP_MOMENT_BIAS(map, n);
     f.size = (n + 1) / 2;
     for (int i = 0; i < f.size; ++i)
         for (int j = 0; j <= i; ++j) {

@@ -1,6 +1,7 @@
 /* maps: transmittance maps against each other, in the setting of Giulietti's thesis (DigiPen 2013, chapter 4): 2500
    particles of smoke, one spot light, a map of 512 x 512, a picture of 1024 x 768, 6, 8, 16 and 24 numbers a texel.
    There the truth was each technique's own run with 24; here it is the exact deep map.
+   maps formats             the table of formats alone
    maps CHARTS PICTURES     Markdown to stdout; curves and a sheet of differences into the folder CHARTS, all pictures
                             into the folder PICTURES; both folders must be there */
 
@@ -10,7 +11,7 @@
 #include "scene.h"
 #include "shapes.h"
 #include "chart.h"
-#include "map_trials.h"
+#include "map_formats.h"
 
 static const char program[] = "maps";
 
@@ -175,6 +176,16 @@ static void measure_controls(set_up *s, const sps_tmap *map) {
     for (int which = 0; which < COUNTS; ++which)
         s->thesis_rms[which] = sqrt(s->thesis_rms[which]), s->thesis_own[which] = sqrt(s->thesis_own[which]);
     s->beer_rms = sqrt(s->beer_rms);
+}
+
+/* Points, and transmittances by the exact map there. */
+static void make_exact_values(ex_session *session, set_up *s) {
+    double seconds;
+    scatter_points(s);
+    sps_tmap *map = build_map(session, s, &s->range, &seconds);
+    s->exact = (float *)ex_allocate(POINTS, sizeof(float));
+    query_map(session, s, map, s->exact, &seconds);
+    sps_tmap_destroy(map);
 }
 
 /* Transmittances by the exact map, the controls made from its lists, and the picture made with it. */
@@ -845,7 +856,7 @@ static void print_time_table(const set_up *s) {
 }
 
 /* Findings first, then the tables that show them, then all figures. */
-static void print_all(set_up *const *scenes) {
+static void print_all(const ex_session *session, set_up *const *scenes) {
     print_head();
     print_words(scenes);
     print_best(scenes);
@@ -858,15 +869,17 @@ static void print_all(set_up *const *scenes) {
         print_exact(scenes[i]);
         print_errors(scenes[i]);
     }
+    print_formats(session, program, scenes);
     print_time_table(scenes[PUFF]);
 }
 
 int main(int argc, char **argv) {
     set_up *scenes[SCENES];
     ex_session session;
+    const int formats_alone = argc == 2 && strcmp(argv[1], "formats") == 0;
     const int sheet_rows = (1 + KINDS + SHEET_COLUMNS - 1) / SHEET_COLUMNS;
-    if (argc != 3) {
-        fprintf(stderr, "%s: give two folders: for charts, and for pictures\n", argv[0]);
+    if (argc != 3 && !formats_alone) {
+        fprintf(stderr, "%s: give two folders: for charts, and for pictures; or say formats\n", argv[0]);
         return 2;
     }
     ex_canvas sheet = ex_canvas_begin(4 + SHEET_COLUMNS * (CROP_WIDTH / SHEET_SHRINK + 6),
@@ -875,10 +888,14 @@ int main(int argc, char **argv) {
     for (int i = 0; i < SCENES; ++i) {
         scenes[i] = (set_up *)ex_allocate(1, sizeof *scenes[i]);
         set_up_begin(scenes[i], makers[i]);
+        if (formats_alone) make_exact_values(&session, scenes[i]);
+        if (formats_alone) continue;
         run_scene(&session, scenes[i], i == PUFF || i == WIND, argv[2], i == PUFF ? &sheet : NULL);
     }
+    if (formats_alone) print_formats(&session, program, scenes);
+    if (formats_alone) return 0;
     time_scene(&session, scenes[PUFF]);
-    print_all(scenes);
+    print_all(&session, scenes);
     chart_time(scenes[PUFF], argv[1]);
     chart_bytes(scenes + PUFF, "maps_bytes", argv[1]);
     chart_bytes(scenes + SHELL, "maps_bytes_hard", argv[1]);

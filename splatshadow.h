@@ -61,7 +61,8 @@ CONTENTS (search for the tag)
     >>budget        37 settings to meet a budget     >>frame         38 sweeps, then the image
     >>plan          39 cost before rendering         >>reference     40 brute-force ray marching
     >>bounds        41 guaranteed bounds on radiance >>paths         42 random paths
-    >>public        43 the public functions          >>licence
+    >>probes        43 light at points               >>public        44 the public functions
+    >>licence
 
 NOT INCLUDED
     No files, no windows, no threads of its own, no GPU. No refraction, no mirrors, no light from polygon to polygon.
@@ -189,7 +190,8 @@ typedef enum sps_object {
     SPS_OBJECT_TMAP_LIGHT,
     SPS_OBJECT_TMAP_SETTINGS,
     SPS_OBJECT_REFERENCE_SETTINGS,
-    SPS_OBJECT_TMAP_EXPORT /* sps_tmap_export_settings */
+    SPS_OBJECT_TMAP_EXPORT, /* sps_tmap_export_settings */
+    SPS_OBJECT_PROBE_ARRAYS /* `out` of sps_light_probes */
 } sps_object;
 
 /* A failure as data. */
@@ -770,6 +772,18 @@ typedef struct sps_reference_settings {
     uint32_t end_canary; /* leave 0 */
 } sps_reference_settings;
 
+/* The caller's arrays for sps_light_probes, packed, in the order of the positions. NULL: not computed. Written on
+   SPS_OK only. Means are over all directions, unweighted. */
+typedef struct sps_probe_arrays {
+    uint32_t start_canary; /* leave 0 */
+    float *transmittance;  /* light_count * 3 per point: of gas and polygons, to each light; 1 without shadows */
+    float *sky;            /* 3 per point: mean transmittance of gas and polygons */
+    float *l0;             /* 3 per point: mean radiance from gas, polygons and scene.ambient; not from lights */
+    /* 9 per point: mean of that radiance times the unit vector towards where it comes from. x, y, z of red first. */
+    float *l1;
+    uint32_t end_canary; /* leave 0 */
+} sps_probe_arrays;
+
 /* The setting that a budget chose, with estimates (docs/budget.md); all 0 without a budget. */
 typedef struct sps_budget_report {
     int is_met;          /* 1: a budget is set, and expected to be met */
@@ -1027,6 +1041,14 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
    The image is written only if SPS_OK is returned. Any sps_result can occur. */
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view,
                                  const sps_reference_settings *settings, const sps_image *image);
+
+/* Computes the light that arrives at `count` world positions (packed triples), in gas as cells of
+   scattering_resolution hold it. Of the view, quality and scattering count. Polygons have the mesh's albedo on both
+   sides; points inside solids see their inner walls. Surface-shaded volumes count as gas. Positions that are not finite
+   or beyond 1e15: all 0. Time is proportional to points and 64, 128, 256 or 512 rays each, by quality; docs/manual.md,
+   section 5, has errors. Errors: all of sps_render's; UNSUPPORTED also with a budget, FORWARD or CONVOLUTION. */
+SPS_API sps_result sps_light_probes(sps_context *context, const sps_scene *scene, const sps_view *view, size_t count,
+                                    const double *positions, const sps_probe_arrays *out);
 
 /* Reports the work of the last call that rendered, planned or made a map, even if it failed. Footprints splatted into
    maps are not counted. If context is NULL, the report is zeroed. */
@@ -1895,6 +1917,9 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_BAND,
     SPSI_BUFFER_CURSORS,
     SPSI_BUFFER_CURVES, /* scratch per worker */
+    SPSI_BUFFER_PROBES, /* >>probes */
+    SPSI_BUFFER_PROBE_GAS,
+    SPSI_BUFFER_PROBE_ANSWERS,
     SPSI_BUFFER_COUNT
 } spsi_buffer_id;
 
@@ -1999,7 +2024,7 @@ SPSI_COLD void spsi_describe(sps_error_info *info, sps_object object, int index,
                              const char *rest) {
     static const char *const names[] = {"",     "",      "config",    "scene", "view",  "image",    "volume",
                                         "mesh", "light", "particles", "tmap",  "light", "settings", "settings",
-                                        "export"};
+                                        "export", "out"};
     char brackets[24] = "";
     info->object = object;
     info->index = index;
@@ -4340,6 +4365,7 @@ typedef struct spsi_frame {
     int has_gradients; /* 1: surface shading */
     int channels;    /* 1: grey; 3: color */
     int wants_depth;
+    int every_light; /* 1: lists black and needless lights, too */
 } spsi_frame;
 
 #define SPSI_BEHIND       3  /* slabs behind the eye; profiles need 2 */
@@ -5414,19 +5440,20 @@ static void spsi_lights_list(spsi_lights *lights, spsi_light *list, int count) {
     }
 }
 
-/* Lists lights that are not black; none if nothing reflects or scatters. */
+/* Lists lights that are not black; none if nothing reflects or scatters. With every_light, all. */
 SPSI_COLD sps_result spsi_resolve_lights(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
-    const int count = frame->matter.scatters || frame->meshes.count > 0 ? scene->light_count : 0;
+    const int all = frame->every_light, some = all || frame->matter.scatters || frame->meshes.count > 0;
+    const int count = some ? scene->light_count : 0;
     size_t lit = 0;
     spsi_lights *lights = &frame->lights;
     for (int i = 0; i < count; ++i)
-        if (!spsi_black(scene->lights[i].color))
+        if (all || !spsi_black(scene->lights[i].color))
             lit += spsi_light_extended(&scene->lights[i]) ? (size_t)(1 + SPSI_TABLES_MOST) : 2;
     lights->whole = SPSI_RESERVE(context, SPSI_BUFFER_LIGHTS, lit, spsi_light);
     if (!lights->whole) return context->result;
     for (int i = 0; i < count; ++i) {
         spsi_light *light = &lights->whole[lights->whole_count];
-        if (spsi_black(scene->lights[i].color)) continue;
+        if (!all && spsi_black(scene->lights[i].color)) continue;
         spsi_light_build(frame, &scene->lights[i], i, light);
         if (light->projection.exists) light->projection.image = lights->image_count++;
         lights->whole_count += 1;
@@ -5453,9 +5480,11 @@ SPSI_COLD int spsi_count_channels(const spsi_frame *frame) {
     return grey ? 1 : 3;
 }
 
+enum { SPSI_WANTS_DEPTH = 1, SPSI_WANTS_EVERY_LIGHT = 2 };
+
 /* Checks everything, but reads no data. view may be NULL. Returns NULL on failure. */
 SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene, const sps_view *view,
-                                       int wants_depth) {
+                                       int wants) {
     spsi_frame *frame = SPSI_RESERVE(context, SPSI_BUFFER_FRAME, 1, spsi_frame);
     spsi_content *content = SPSI_RESERVE(context, SPSI_BUFFER_CONTENT, 1, spsi_content);
     if (!frame || !content) return NULL;
@@ -5464,7 +5493,8 @@ SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *sc
     frame->given = *scene;
     if (view) frame->view = *view;
     frame->viewer = SPS_OBJECT_VIEW;
-    frame->wants_depth = wants_depth;
+    frame->wants_depth = (wants & SPSI_WANTS_DEPTH) != 0;
+    frame->every_light = (wants & SPSI_WANTS_EVERY_LIGHT) != 0;
     frame->content = content;
     memset(content, 0, sizeof *content);
     content->bounds = content->mesh_bounds = spsi_nowhere;
@@ -28277,8 +28307,510 @@ SPSI_COLD sps_result spsi_reference_frame(sps_context *context, const spsi_frame
 
 #endif /* SPLATSHADOW_NO_REFERENCE */
 
+/* =============================================================================================== >>probes
+   43 Light at points. Rays over the sphere cross the cells of >>filling, whose contents count as even. A ray's radiance
+   minus ambient light is summed, so white gas under a white sky is exact. From outside, rays fill the cone about each
+   grid. Single scattering has each light's irradiance at cells' centres and the phase function. Higher orders add the
+   moments of >>solving. As there, extinction is then scaled, and forward peaks count as transmitted. Their light
+   arrives from the light's direction, and lobes keep their mean cosine without them. Cost: a cell's sources per cell
+   that a ray crosses, and a ray to each light per cell and polygon hit. */
+
+#define SPSI_PROBE_SUMS 15 /* transmittance minus 1, radiance, and its vectors */
+
+/* Cells have, per channel: scale of extinction, emission per edge, lobed materials' scattering per extinction, the
+   lights' irradiance, and terms of other scattered light, minus ambient light, per optical depth. */
+typedef struct spsi_probe_gas {
+    spsi_cell_grid grid; /* `depth` and `scale` are its own */
+    float *cells;
+} spsi_probe_gas;
+
+typedef struct spsi_prober {
+    const spsi_frame *frame;
+    const sps_probe_arrays *out;
+    const double *positions;
+    float *answers; /* per point: SPSI_PROBE_SUMS, then transmittances */
+    size_t stride, first;
+    spsi_faces faces;
+    spsi_probe_gas gas[SPSI_CELL_GRIDS];
+    spsi_cell_job *job;  /* the grid being filled: its contents */
+    int gas_count, filling, terms, directions;
+    int shines, scaled;  /* 1: radiance is wanted; some gas has a forward peak */
+    int lobed[SPSI_MATERIALS_MAX], lobed_count; /* materials that are not isotropic */
+    spsi_material lobes[SPSI_MATERIALS_MAX];    /* without peak */
+} spsi_prober;
+
+/* A ray so far; `sees`: 0: only depth and filter. */
+typedef struct spsi_probe_path {
+    int sees, order[SPSI_CELL_GRIDS];     /* grids by distance, so that no ray meets one too early */
+    double depth, through[3], filter[3];  /* optical depth; scaled transmittance; transmittance of polygons */
+    double sum[3];                        /* radiance minus ambient light */
+    float terms[3][SPSI_CELL_TERMS];      /* likewise, not yet multiplied by harmonics */
+} spsi_probe_path;
+
+/* --- rays --- */
+
+static size_t spsi_probe_floats(const spsi_prober *prober) {
+    return (size_t)(2 + prober->lobed_count + prober->frame->lights.whole_count + prober->terms);
+}
+
+/* Adds the radiance that a cell sends back along its `length`, in edges. */
+static void spsi_probe_cell(const spsi_prober *prober, const spsi_probe_gas *gas, const spsi_ray *ray, const int at[3],
+                            size_t cell, double length, spsi_probe_path *path) {
+    const spsi_cell_grid *grid = &gas->grid;
+    const float *own = gas->cells + cell * (size_t)grid->channels * spsi_probe_floats(prober);
+    const int lobes = prober->lobed_count, lights = prober->frame->lights.whole_count;
+    double centre[3], sent[3] = {0, 0, 0}, left = 1;
+    spsi_cell_centre(grid, at[0], at[1], at[2], centre);
+    for (int i = 0; i < lobes * lights; ++i) {
+        double travel[3];
+        spsi_light_direction(&prober->frame->lights.whole[i / lobes], centre, travel);
+        const double phase =
+            spsi_phase_at(&prober->lobes[prober->lobed[i % lobes]], -spsi_dot(travel, ray->direction));
+        for (int c = 0; c < grid->channels; ++c) {
+            const float *part = own + (size_t)c * spsi_probe_floats(prober) + 2;
+            sent[c] += phase * (double)(part[i % lobes] * part[lobes + i / lobes]);
+        }
+    }
+    for (int c = 0; c < grid->channels; ++c, own += spsi_probe_floats(prober)) {
+        const double depth = length * (double)grid->depth[cell], x = depth * (double)own[0];
+        if (c == 0 || prober->scaled) left = exp(-x);
+        const double mean = path->through[c] * (x > 1e-4 ? (1 - left) / x : 1 - 0.5 * x);
+        const float weight = (float)(path->filter[c] * mean * depth), *terms = own + 2 + lobes + lights;
+        path->sum[c] += path->filter[c] * mean * (depth * sent[c] + length * (double)own[1]);
+        for (int t = 0; t < prober->terms; ++t) path->terms[c][t] += weight * terms[t];
+        path->through[c] *= left;
+    }
+}
+
+/* Crosses a grid's cells. */
+static void spsi_probe_march(const spsi_prober *prober, const spsi_probe_gas *gas, const spsi_ray *ray,
+                             spsi_probe_path *path) {
+    const spsi_cell_grid *grid = &gas->grid;
+    const double end = (double)(prober->scaled ? SPSI_FORWARD_END : SPSI_LIGHT_END);
+    double high[3], range[2], next[3], t;
+    int at[3], axis = 0;
+    for (int k = 0; k < 3; ++k) high[k] = grid->corner[k] + grid->edge * grid->size[k];
+    if (!spsi_ray_meets_box(ray, grid->corner, high, range)) return;
+    for (int k = 0; k < 3; ++k) {
+        const double d = ray->direction[k], place = ray->origin[k] + range[0] * d - grid->corner[k];
+        at[k] = (int)spsi_dmin(spsi_dmax(place / grid->edge, 0), grid->size[k] - 1);
+        next[k] = fabs(d) > 0 ? (grid->corner[k] + grid->edge * (at[k] + (d > 0)) - ray->origin[k]) / d : HUGE_VAL;
+    }
+    for (t = range[0]; t < range[1] && path->depth < end && at[axis] >= 0 && at[axis] < grid->size[axis];) {
+        const size_t cell = (size_t)(at[2] * grid->size[1] + at[1]) * (size_t)grid->pitch + (size_t)at[0];
+        axis = next[0] < next[1] ? (next[0] < next[2] ? 0 : 2) : next[1] < next[2] ? 1 : 2;
+        const double to = spsi_dmin(next[axis], range[1]), length = spsi_dmax(to - t, 0) / grid->edge;
+        const double own = length * (double)grid->depth[cell];
+        if (path->sees && (own > 0 || prober->frame->matter.emits))
+            spsi_probe_cell(prober, gas, ray, at, cell, length, path);
+        path->depth += own;
+        t = to;
+        at[axis] += ray->direction[axis] > 0 ? 1 : -1;
+        next[axis] += grid->edge / fabs(ray->direction[axis]);
+    }
+}
+
+/* Follows a ray to its next polygon, ignoring `face`. */
+static void spsi_probe_segment(const spsi_prober *prober, int face, spsi_ray *ray, spsi_hit *hit,
+                               spsi_probe_path *path) {
+    spsi_ray_to_face(&prober->faces, face, ray, hit);
+    for (int n = 0; n < prober->gas_count; ++n)
+        spsi_probe_march(prober, &prober->gas[path->order[n]], ray, path);
+}
+
+/* Filters a path at a polygon, behind which the ray ends at `high`. Returns 0 if nothing passes. */
+static int spsi_probe_filter(const spsi_prober *prober, int face, double high, spsi_ray *ray, spsi_probe_path *path) {
+    int passes = 0;
+    if (face < 0) return 0;
+    for (int c = 0; c < 3; ++c) {
+        path->filter[c] *= (double)prober->faces.list[face].transmittance[c];
+        passes |= path->filter[c] > 0;
+    }
+    ray->low = ray->high;
+    ray->high = high;
+    return passes;
+}
+
+SPSI_COLD void spsi_probe_path_begin(const spsi_prober *prober, const double point[3], int sees,
+                                     spsi_probe_path *path) {
+    memset(path, 0, sizeof *path);
+    path->sees = sees;
+    for (int c = 0; c < 3; ++c) path->through[c] = path->filter[c] = 1;
+    for (int n = 0; n < prober->gas_count; ++n) {
+        const double away = spsi_cells_distance(&prober->gas[n].grid, point);
+        int at = n;
+        for (; at > 0 && spsi_cells_distance(&prober->gas[path->order[at - 1]].grid, point) > away; --at)
+            path->order[at] = path->order[at - 1];
+        path->order[at] = n;
+    }
+}
+
+/* --- light of lights --- */
+
+/* Gas and polygons between a light's point and a place on `face` (-1: in gas), which is lit by `irradiance`. */
+static void spsi_probe_toward(const spsi_prober *prober, const spsi_light *point, int face, spsi_surface *at,
+                              double irradiance[3], spsi_probe_path *path) {
+    spsi_ray ray;
+    spsi_hit hit;
+    memcpy(ray.origin, at->start, sizeof ray.origin);
+    spsi_toward_light(point, at->start, ray.direction);
+    if (face < 0) memcpy(at->normal, ray.direction, sizeof at->normal);
+    const int lit = spsi_surface_point_irradiance(prober->frame, point, at, irradiance);
+    for (int c = 0; c < 3; ++c)
+        irradiance[c] = spsi_dmin(irradiance[c] * (double)point->color[c], (double)SPSI_RADIANCE_MAX);
+    spsi_probe_path_begin(prober, at->start, 0, path);
+    if (!point->shadows || (face >= 0 && !lit)) return;
+    const double high = point->is_point ? spsi_length(ray.direction) : HUGE_VAL;
+    ray.low = 0;
+    ray.high = high;
+    spsi_normalise(ray.direction);
+    do spsi_probe_segment(prober, face, &ray, &hit, path);
+    while (spsi_probe_filter(prober, face = hit.face, high, &ray, path));
+}
+
+/* Transmittance of a path to a light, with scaled extinction. */
+static double spsi_probe_through(const spsi_prober *prober, const spsi_probe_path *path, int c) {
+    const float *scale = prober->scaled ? prober->gas->grid.scale : NULL;
+    const double depth = scale ? (double)scale[spsi_imin(c, prober->frame->channels - 1)] * path->depth : path->depth;
+    return path->filter[c] * exp(-depth);
+}
+
+/* Adds the irradiance of all lights' points, `few` of them, one after another. `edge`: of a cell around; or 0. */
+static void spsi_probe_light(const spsi_prober *prober, const spsi_light *light, int face, double edge,
+                             spsi_surface *at, double lit[3]) {
+    const spsi_light *points = face < 0 ? light->few : light->points;
+    const int count = face < 0 ? light->few_count : light->point_count;
+    for (int n = 0; n < count; ++n) {
+        double irradiance[3], offset[3], square, least = 0.13 * edge * edge; /* see spsi_sphere_square */
+        spsi_probe_path path;
+        spsi_probe_toward(prober, &points[n], face, at, irradiance, &path);
+        spsi_along(at->point, points[n].position, -1, offset);
+        square = spsi_dot(offset, offset);
+        square = light->falls_off && face < 0 ? square / spsi_dmax(square - edge * edge / 12, least) : 1;
+        for (int c = 0; c < 3; ++c) lit[c] += square * irradiance[c] * spsi_probe_through(prober, &path, c) / count;
+    }
+}
+
+/* --- points --- */
+
+/* Adds a polygon's radiance, minus the ambient light that it hides. */
+static void spsi_probe_face(const spsi_prober *prober, const spsi_ray *ray, const spsi_hit *hit,
+                            spsi_probe_path *path) {
+    const spsi_content *content = prober->frame->content;
+    const spsi_face *face = &prober->faces.list[hit->face];
+    double plane[3], color[3], lit[3] = {0, 0, 0};
+    spsi_surface at;
+    spsi_along(ray->origin, ray->direction, ray->high, at.point);
+    at.pixel = ray->high * 4 / sqrt(prober->directions);
+    spsi_face_plane(face, plane);
+    spsi_surface_face(face, hit, plane, ray->direction, &at);
+    spsi_face_color(face, hit, color);
+    if (!spsi_normalise(at.normal)) color[0] = color[1] = color[2] = 0;
+    for (int l = 0; l < prober->frame->lights.whole_count && spsi_length(color) > 0; ++l)
+        spsi_probe_light(prober, &prober->frame->lights.whole[l], hit->face, 0, &at, lit);
+    const spsi_flight_place place = {prober->frame, &prober->faces, at.point, at.start, at.normal, hit->face};
+    const spsi_cell_receiver to = {at.point, at.normal, NULL, 1};
+    if (content->flights) spsi_flights_irradiance(&place, content->flights, lit);
+    for (int n = 0; n < content->cell_grid_count; ++n) {
+        double more[3] = {0, 0, 0};
+        spsi_cells_irradiance(&content->cells[n], 0, content->cells->channels, &to, more);
+        for (int c = 0; c < 3; ++c) lit[c] += more[spsi_imin(c, content->cells->channels - 1)];
+    }
+    for (int c = 0; c < 3; ++c) {
+        const double ambient = (double)prober->frame->given.ambient[c], hides = 1 - (double)face->transmittance[c];
+        const double through = path->filter[c] * path->through[spsi_imin(c, prober->frame->channels - 1)];
+        path->sum[c] += through * (spsi_dmax(color[c] * (lit[c] / SPSI_PI + ambient), 0) - hides * ambient);
+    }
+}
+
+/* Adds the radiance from a direction; `weight`: its fraction of the sphere. */
+static void spsi_probe_look(const spsi_prober *prober, const double point[3], const double way[3], double weight,
+                            double sums[SPSI_PROBE_SUMS]) {
+    const int channels = prober->frame->channels;
+    const double back[3] = {-way[0], -way[1], -way[2]};
+    float harmonic[SPSI_CELL_TERMS];
+    spsi_probe_path path;
+    spsi_hit hit = {0, -1, {0, 0}};
+    spsi_ray ray;
+    memcpy(ray.origin, point, sizeof ray.origin);
+    memcpy(ray.direction, way, sizeof ray.direction);
+    ray.low = 0;
+    ray.high = HUGE_VAL;
+    spsi_probe_path_begin(prober, point, prober->shines, &path);
+    do {
+        spsi_probe_segment(prober, hit.face, &ray, &hit, &path);
+        if (hit.face >= 0 && prober->shines) spsi_probe_face(prober, &ray, &hit, &path);
+    } while (spsi_probe_filter(prober, hit.face, HUGE_VAL, &ray, &path));
+    spsi_harmonics(back, harmonic);
+    for (int c = 0; c < channels; ++c)
+        for (int t = 0; t < prober->terms; ++t) path.sum[c] += (double)(path.terms[c][t] * harmonic[t]);
+    for (int c = 0; c < 3; ++c) {
+        const double sum = weight * path.sum[spsi_imin(c, channels - 1)];
+        sums[c] += weight * (path.filter[c] * exp(-path.depth) - 1);
+        sums[3 + c] += sum;
+        for (int k = 0; k < 3; ++k) sums[6 + 3 * c + k] += sum * way[k];
+    }
+}
+
+/* Fills cones about grids, and the sphere if something surrounds the point, with spirals of equal solid angles.
+   Directions in several cones are the narrowest one's. */
+static void spsi_probe_sphere(const spsi_prober *prober, const double point[3], double sums[SPSI_PROBE_SUMS]) {
+    const int grids = prober->gas_count, directions = prober->directions;
+    double axis[SPSI_CELL_GRIDS + 1][3] = {{0}}, versine[SPSI_CELL_GRIDS + 1], across[2][3];
+    int around = prober->faces.count > 0;
+    for (int n = 0; n < grids; ++n) {
+        const spsi_cell_grid *grid = &prober->gas[n].grid;
+        const double size[3] = {(double)grid->size[0], (double)grid->size[1], (double)grid->size[2]};
+        spsi_along(grid->corner, size, 0.5 * grid->edge, axis[n]);
+        spsi_along(axis[n], point, -1, axis[n]);
+        const double sine = 0.5 * grid->edge * spsi_length(size) / spsi_dmax(spsi_length(axis[n]), DBL_MIN);
+        versine[n] = sine < 1 ? sine * sine / (1 + sqrt(1 - sine * sine)) : 2;
+        around |= !(sine < 1);
+        spsi_normalise(axis[n]);
+    }
+    axis[grids][2] = 1;
+    versine[grids] = 2;
+    for (int i = 0; i < (grids + around) * directions; ++i) {
+        const int own = i / directions, n = i % directions;
+        const double less = versine[own] * (n + 0.5) / directions, turn = 2.39996322972865332 * n;
+        const double aside = sqrt(less * (2 - less));
+        double way[3];
+        int goes = own == grids || versine[own] < 2;
+        if (n == 0) spsi_basis(axis[own], across[0], across[1]);
+        for (int k = 0; k < 3; ++k)
+            way[k] = (1 - less) * axis[own][k] + aside * (cos(turn) * across[0][k] + sin(turn) * across[1][k]);
+        for (int k = 0; k < grids; ++k)
+            if (versine[k] < versine[own]) goes &= 1 - spsi_dot(way, axis[k]) > versine[k];
+        if (goes) spsi_probe_look(prober, point, way, 0.5 * versine[own] / directions, sums);
+    }
+}
+
+/* Transmittance to lights, and the light that forward peaks alone scatter. */
+static void spsi_probe_lights(const spsi_prober *prober, const double point[3], double sums[SPSI_PROBE_SUMS],
+                              float *transmittance) {
+    spsi_surface at;
+    at.pixel = 0;
+    memcpy(at.point, point, sizeof at.point);
+    memcpy(at.start, point, sizeof at.start);
+    for (int l = 0; l < prober->frame->lights.whole_count; ++l, transmittance += 3) {
+        const spsi_light *light = &prober->frame->lights.whole[l];
+        double mean[3] = {0, 0, 0};
+        for (int n = 0; n < light->point_count; ++n) {
+            double irradiance[3], toward[3];
+            spsi_probe_path path;
+            spsi_probe_toward(prober, &light->points[n], -1, &at, irradiance, &path);
+            spsi_toward_light(&light->points[n], point, toward);
+            spsi_normalise(toward);
+            for (int c = 0; c < 3; ++c) {
+                const double through = path.filter[c] * exp(-path.depth) / light->point_count;
+                const double peak = spsi_probe_through(prober, &path, c) / light->point_count - through;
+                mean[c] += through;
+                sums[3 + c] += 0.25 / SPSI_PI * irradiance[c] * peak;
+                for (int k = 0; k < 3; ++k)
+                    sums[6 + 3 * c + k] += 0.25 / SPSI_PI * irradiance[c] * peak * toward[k];
+            }
+        }
+        for (int c = 0; c < 3; ++c) transmittance[c] = (float)mean[c];
+    }
+}
+
+static void spsi_probe_task(void *data, int item) {
+    const spsi_prober *prober = (const spsi_prober *)data;
+    const size_t at = prober->first + (size_t)item;
+    const double *point = prober->positions + 3 * at, most = (double)FLT_MAX;
+    float *answer = prober->answers + prober->stride * at;
+    double sums[SPSI_PROBE_SUMS] = {0};
+    memset(answer, 0, prober->stride * sizeof *answer);
+    if (spsi_bad_coordinate(point, 3)) return;
+    if (prober->out->transmittance || prober->scaled)
+        spsi_probe_lights(prober, point, sums, answer + SPSI_PROBE_SUMS);
+    if (prober->out->sky || prober->shines) spsi_probe_sphere(prober, point, sums);
+    for (int n = 0; n < SPSI_PROBE_SUMS; ++n) {
+        if (n < 6) sums[n] = spsi_dmax(0, sums[n] + (n < 3 ? 1 : (double)prober->frame->given.ambient[n - 3]));
+        answer[n] = (float)spsi_dmax(-most, spsi_dmin(sums[n], most));
+    }
+}
+
+/* --- setting up --- */
+
+/* Sets a channel of a cell, whose lights are set, from its contents. */
+static void spsi_probe_source(const spsi_prober *prober, const spsi_probe_gas *gas, size_t cell, int c) {
+    const spsi_cell_grid *grid = &gas->grid;
+    const spsi_content *content = prober->frame->content;
+    const float depth = spsi_fmax(grid->depth[cell], FLT_MIN);
+    float *own = gas->cells + (cell * (size_t)grid->channels + (size_t)c) * spsi_probe_floats(prober), lit = 0;
+    float *share = own + 2, *source = share + prober->lobed_count + prober->frame->lights.whole_count;
+    for (int l = 0; l < prober->frame->lights.whole_count; ++l) lit += share[prober->lobed_count + l];
+    own[0] = 1;
+    own[1] = spsi_fmin(prober->job->emitted[(size_t)c * grid->count + cell], SPSI_RADIANCE_MAX);
+    for (int m = 0; m < prober->frame->matter.material_count; ++m) {
+        const spsi_material *material = &prober->frame->matter.materials[m];
+        const size_t array = (size_t)(m * grid->channels + c) * grid->count;
+        const float part = spsi_fmin(prober->job->scattered[array + cell] / depth, 1);
+        const float peak = prober->scaled ? grid->peak[m] : 0;
+        own[0] -= part * peak;
+        source[0] += part * (1 - peak) * material->ambient[c];
+        if (spsi_phase_orders(material) > 1)
+            *share++ = part;
+        else
+            source[0] += part * lit * (float)(0.25 / SPSI_PI);
+        for (int t = 0; t < prober->terms && content->cells; ++t) {
+            const size_t term = (size_t)(c * grid->terms + t) * grid->count + cell;
+            const float moment = grid->moments[term] + (grid->flown ? grid->flown[term] : 0);
+            source[t] += part * grid->lobes[m][spsi_term_degree(t)] * moment;
+        }
+        if (!content->cells || !grid->flown || !(content->flies[m] > 0)) continue;
+        const float *trapped = grid->trapped + (size_t)c * grid->count + cell;
+        source[0] += part * (*trapped - grid->lobes[m][0] * trapped[(size_t)grid->channels * grid->count]);
+    }
+    source[0] -= own[0] * prober->frame->given.ambient[c];
+}
+
+static void spsi_probe_cells_task(void *data, int row) {
+    const spsi_prober *prober = (const spsi_prober *)data;
+    const spsi_probe_gas *gas = &prober->gas[prober->filling];
+    const spsi_cell_grid *grid = &gas->grid;
+    const int lights = prober->frame->lights.whole_count;
+    for (int x = 0; x < grid->size[0]; ++x) {
+        const size_t cell = (size_t)row * (size_t)grid->pitch + (size_t)x;
+        float *own = gas->cells + cell * (size_t)grid->channels * spsi_probe_floats(prober) + 2 + prober->lobed_count;
+        spsi_surface at;
+        at.pixel = grid->edge;
+        spsi_cell_centre(grid, x, row % grid->size[1], row / grid->size[1], at.point);
+        memcpy(at.start, at.point, sizeof at.start);
+        for (int l = 0; l < lights && grid->depth[cell] > 0; ++l) {
+            double lit[3] = {0, 0, 0};
+            spsi_probe_light(prober, &prober->frame->lights.whole[l], -1, grid->edge, &at, lit);
+            for (int c = 0; c < grid->channels; ++c)
+                own[(size_t)c * spsi_probe_floats(prober) + (size_t)l] = (float)lit[c];
+        }
+        for (int c = 0; c < grid->channels; ++c) spsi_probe_source(prober, gas, cell, c);
+    }
+}
+
+/* Fills all grids, from >>solving or placed likewise, then lights them: light crosses all. */
+SPSI_COLD sps_result spsi_probe_gases(sps_context *context, spsi_prober *prober) {
+    spsi_content *content = prober->frame->content;
+    const spsi_call_stage part = {SPSI_PROGRESS_GATHER + SPSI_PROGRESS_CELLS, 0};
+    const spsi_bounds bounds = content->bounds;
+    spsi_cell_grid grids[SPSI_CELL_GRIDS];
+    spsi_groups groups;
+    uint64_t floats = 0;
+    float flies[SPSI_MATERIALS_MAX];
+    prober->gas_count = content->cell_grid_count;
+    if (!content->cells) prober->gas_count = spsi_cells_place_all(context, prober->frame, &groups, grids);
+    content->bounds = bounds;
+    for (int n = 0; n < prober->gas_count; ++n) {
+        prober->gas[n].grid = content->cells ? content->cells[n] : grids[n];
+        floats += prober->gas[n].grid.count * (1 + spsi_probe_floats(prober) * (size_t)prober->frame->channels) + 3;
+    }
+    float *memory = spsi_floats_reserve(context, SPSI_BUFFER_PROBE_GAS, floats);
+    if (!memory) return context->result;
+    memset(memory, 0, (size_t)floats * sizeof *memory);
+    memcpy(flies, content->flies, sizeof flies);
+    for (int n = 0; n < (prober->shines ? 2 : 1) * prober->gas_count; ++n) {
+        spsi_probe_gas *gas = &prober->gas[n % prober->gas_count];
+        spsi_cell_grid *grid = &gas->grid;
+        prober->filling = n % prober->gas_count;
+        if (n < prober->gas_count) {
+            grid->depth = memory;
+            grid->scale = grid->depth + grid->count;
+            gas->cells = grid->seen = grid->scale + 3; /* spsi_cells_begin clears all before */
+            memory = gas->cells + grid->count * spsi_probe_floats(prober) * (size_t)grid->channels;
+            grid->pyramid = NULL;
+        }
+        memset(content->flies, 0, sizeof flies); /* rays meet all emission */
+        if (n < prober->gas_count || prober->gas_count > 1)
+            (void)spsi_cells_begin(context, prober->frame, &prober->faces, &bounds, &part, grid, &prober->job);
+        memcpy(content->flies, flies, sizeof flies);
+        if (context->result || spsi_progress(context, part.progress)) return context->result;
+        if (n >= prober->gas_count)
+            spsi_parallel_items(context, grid->size[1] * grid->size[2], spsi_probe_cells_task, prober);
+    }
+    return SPS_OK;
+}
+
+/* Finds phase functions without peaks. */
+SPSI_COLD void spsi_probe_phases(spsi_prober *prober) {
+    const spsi_frame *frame = prober->frame;
+    const spsi_cell_grid *cells = frame->content->cells;
+    prober->terms = cells ? cells->terms : 1;
+    for (int m = 0; m < frame->matter.material_count; ++m) {
+        spsi_material *lobes = &prober->lobes[m];
+        double sum = 0, peak = cells ? (double)cells->peak[m] : 0;
+        *lobes = frame->matter.materials[m];
+        prober->scaled |= peak > 0;
+        if (spsi_phase_orders(lobes) > 1) prober->lobed[prober->lobed_count++] = m;
+        for (int i = 0; i < lobes->lobe_count && peak > 0; ++i) {
+            sps_lobe *lobe = &lobes->lobes[i];
+            const float ahead = (float)pow((double)spsi_fmax(lobe->asymmetry, 0), cells->orders);
+            lobe->asymmetry = (lobe->asymmetry - ahead) / (1 - ahead);
+            sum += (double)(lobe->weight *= 1 - ahead);
+        }
+        for (int i = 0; i < lobes->lobe_count && peak > 0; ++i) lobes->lobes[i].weight *= (float)((1 - peak) / sum);
+    }
+}
+
+SPSI_COLD void spsi_probes_write(const spsi_prober *prober, size_t count) {
+    const size_t floats[] = {3, 3, 9, 3 * (size_t)prober->frame->lights.whole_count};
+    float *const to[] = {prober->out->sky, prober->out->l0, prober->out->l1, prober->out->transmittance};
+    const float *from = prober->answers;
+    for (int n = 0; n < 4; from += floats[n++])
+        for (size_t i = 0; i < count && to[n]; ++i)
+            memcpy(to[n] + i * floats[n], from + i * prober->stride, floats[n] * sizeof(float));
+}
+
+SPSI_COLD sps_result spsi_probes_begin(sps_context *context, spsi_frame *frame, spsi_prober *prober) {
+    const spsi_call_stage cells = {SPSI_PROGRESS_GATHER, SPSI_PROGRESS_CELLS};
+    if (spsi_gather(context, frame) || spsi_gather_particles(context, frame)) return context->result;
+    if (spsi_gather_images(context, frame) || spsi_gather_faces(context, frame, &prober->faces)) return context->result;
+    if (spsi_decide_scattering(context, frame, &context->stats.scatter_bound)) return context->result;
+    if (spsi_pyramids_place(context, frame) || spsi_faces_tree(context, &prober->faces)) return context->result;
+    spsi_choose_shadows(context, frame);
+    if (prober->shines && spsi_uses_cells(frame) && spsi_cells_build(context, frame, &prober->faces, &cells))
+        return context->result;
+    spsi_probe_phases(prober);
+    return spsi_holds_gas(context, frame) ? spsi_probe_gases(context, prober) : SPS_OK;
+}
+
+SPSI_COLD sps_result spsi_probes_frame(sps_context *context, spsi_frame *frame, size_t count, const double *positions,
+                                       const sps_probe_arrays *out) {
+    static const int directions[] = {128, 64, 128, 256, 512};
+    const double begin = SPSI_PROGRESS_GATHER + 2 * SPSI_PROGRESS_CELLS, scattering = (int)frame->view.scattering;
+    const double budget = frame->view.budget_seconds + frame->view.budget_error;
+    const spsi_bounded numbers[] = {
+        {frame->view.budget_error > 0 ? "budget_error" : "budget_seconds", budget, 0, 0, "light probes have no budget"},
+        {"scattering", fabs(scattering - 3.5), 1, HUGE_VAL, "light probes have no FORWARD and no CONVOLUTION"}};
+    const spsi_subject at = {context, SPS_OBJECT_VIEW, -1, ""};
+    const size_t some = 64 * (size_t)spsi_worker_count(context);
+    for (int n = 0; n < 2; ++n)
+        if (numbers[n].value < numbers[n].low || numbers[n].value > numbers[n].high)
+            return spsi_fail_member(&at, SPS_ERROR_UNSUPPORTED, numbers[n].field, n ? scattering : budget,
+                                    numbers[n].rule);
+    if (count == 0) return SPS_OK;
+    spsi_prober *prober = SPSI_RESERVE(context, SPSI_BUFFER_PROBES, 1, spsi_prober);
+    if (!prober) return context->result;
+    memset(prober, 0, sizeof *prober);
+    prober->frame = frame;
+    prober->out = out;
+    prober->positions = positions;
+    prober->directions = directions[frame->view.quality];
+    prober->shines = out->l0 || out->l1;
+    prober->stride = SPSI_PROBE_SUMS + 3 * (size_t)frame->lights.whole_count;
+    prober->answers = (float *)spsi_reserve(context, SPSI_BUFFER_PROBE_ANSWERS, count, prober->stride * sizeof(float));
+    if (!prober->answers || spsi_probes_begin(context, frame, prober)) return context->result;
+    for (; prober->first < count; prober->first += some) {
+        const size_t left = count - prober->first;
+        if (spsi_progress(context, begin + (1 - begin) * (double)prober->first / (double)count)) return context->result;
+        spsi_parallel_items(context, (int)(left < some ? left : some), spsi_probe_task, prober);
+    }
+    if (spsi_progress(context, 1)) return context->result;
+    spsi_probes_write(prober, count);
+    return SPS_OK;
+}
+
 /* =============================================================================================== >>public
-   43 Public functions, which check arguments and call the chapters above; callbacks for grids and meshes. */
+   44 Public functions, which check arguments and call the chapters above; callbacks for grids and meshes. */
 
 #ifdef __GNUC__ /* a static SPS_API may leave functions unused */
 #pragma GCC diagnostic push
@@ -28411,6 +28943,21 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
     spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
     if (frame) spsi_render_frame(context, frame, image);
     spsi_shadow_tables_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count); /* left by failures */
+    return spsi_end_timed(context);
+}
+
+SPS_API sps_result sps_light_probes(sps_context *context, const sps_scene *scene, const sps_view *view, size_t count,
+                                    const double *positions, const sps_probe_arrays *out) {
+    const sps_result refused = spsi_begin(context);
+    if (refused) return refused;
+    const spsi_subject at = {context, SPS_OBJECT_PROBE_ARRAYS, -1, ""};
+    if (spsi_require(context, scene, "scene") || spsi_require(context, view, "view") ||
+        spsi_require(context, out, "out") || spsi_check_canaries(&at, out->start_canary, out->end_canary) ||
+        (count > 0 && spsi_require(context, positions, "positions")))
+        return spsi_end_timed(context);
+    spsi_frame *frame = spsi_frame_build(context, scene, view, SPSI_WANTS_EVERY_LIGHT);
+    if (frame) spsi_probes_frame(context, frame, count, positions, out);
+    spsi_shadow_tables_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count);
     return spsi_end_timed(context);
 }
 

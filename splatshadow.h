@@ -1089,6 +1089,13 @@ SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene);
    already), and all of sps_render's. */
 SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 
+/* Takes particles out of a finished map and adds others, in time proportional to these: for OPACITY and MOMENT maps,
+   and FOURIER without texel_range. Both scenes have particles alone; either may be NULL. Those removed must be as they
+   were added. Callbacks are called before this returns. Optical depths drift by about 1e-7 of the largest per update.
+   After a failure other than ARGUMENT and UNSUPPORTED, the map can only be destroyed. Errors: ARGUMENT (not finished; a
+   field of a scene), UNSUPPORTED (other techniques; volumes or meshes), and all of sps_tmap_finish's. */
+SPS_API sps_result sps_tmap_update(sps_tmap *map, const sps_scene *removed, const sps_scene *added);
+
 /* Writes optical depth and transmittance between the light and each of `count` world positions (packed triples); either
    array may be NULL. Gas is interpolated between four texels; surfaces count by the fraction of these that they cover
    (all four: 1e15 and 0). Outside the map, behind the light, before near_depth and at positions that are not finite: 0
@@ -13981,6 +13988,7 @@ struct sps_tmap {
     int border;        /* texels beyond each edge of the view */
     int has_fronts;    /* 1: optical depth before near_depth is summed apart, since there is no plane at u = 0 */
     int replace_invalid, finished, failed;
+    int updates, removed_sets; /* sps_tmap_update: sets from `added` to be removed come first */
     spsi_light_grid grid;
     double bias[2];           /* surface bias in t: bias[0] + bias[1] * t */
     spsi_shadow_table *table; /* receives texels instead of `data`; NULL: none */
@@ -14275,6 +14283,7 @@ typedef struct spsi_filling {
     size_t scratch_floats;
     double slab_u, u_per_slab; /* u of the plane before slab k: slab_u + k u_per_slab */
     double light_u;            /* the light's u, or -infinity */
+    uint32_t removed;          /* particles before this one are removed */
     double progress;
 } spsi_filling;
 
@@ -14574,6 +14583,12 @@ static void spsi_map_tile_clear(const spsi_map_tile *into) {
         memset(into->sums, 0, (size_t)into->floats * into->stride * sizeof(float));
 }
 
+/* Changes the sign of a tile's sums. */
+static void spsi_map_tile_negate(const spsi_map_tile *into) {
+    const size_t count = (size_t)into->floats * into->stride;
+    SPSI_ROLLED for (size_t i = 0; i < count; ++i) into->sums[i] = -into->sums[i];
+}
+
 static void spsi_fill_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
     const spsi_occluders *occluders = filling->occluders;
@@ -14584,14 +14599,17 @@ static void spsi_fill_task(void *data, int index) {
     const uint32_t *own = occluders->tile_spheres ? occluders->tile_spheres + occluders->tile_starts[tile] : NULL;
     const uint32_t count = own ? occluders->tile_starts[tile + 1] - occluders->tile_starts[tile]
                                : (uint32_t)occluders->frame->content->particle_count;
+    int removes = filling->removed > 0; /* removed particles come first */
     for (uint32_t i = 0; i < count; ++i) {
         const spsi_sphere *sphere = &occluders->spheres[own ? own[i] : i];
+        if (removes && (own ? own[i] : i) >= filling->removed) spsi_map_tile_negate(&into), removes = 0;
         const int x0 = spsi_imax(sphere->x0, into.x0), x1 = spsi_imin(sphere->x1, into.x0 + into.width - 1);
         const int y0 = spsi_imax(sphere->y0, into.y0), y1 = spsi_imin(sphere->y1, into.y0 + into.height - 1);
         for (int y = y0; y <= y1; ++y)
             for (int x = x0; x <= x1; x += SPSI_LANES) spsi_insert_chords(&into, sphere, x, y, x1);
         if (i % SPSI_BATCH == SPSI_BATCH - 1) spsi_task_tick(filling->context);
     }
+    if (removes) spsi_map_tile_negate(&into);
     spsi_insert_triangles(&into);
 }
 
@@ -14682,6 +14700,35 @@ static void spsi_ranges_task(void *data, int index) {
                            filling->map->technique->points, &into.ranges[i], &into.ranges[into.stride + (size_t)i]);
 }
 
+/* Adds sums to a texel's components: cumulative planes, which stay in order, coefficients, or moments. */
+static void spsi_update_texel(const sps_tmap *map, const float *sums, size_t stride, float *texel) {
+    const int is_moment = map->settings.technique == SPS_TMAP_MOMENT;
+    const int is_opacity = map->settings.technique == SPS_TMAP_OPACITY;
+    const float before = texel[0];
+    double sum = 0;
+    for (int k = 0; k < map->settings.components; ++k) {
+        sum = (is_opacity ? sum : 0) + (double)sums[(size_t)k * stride];
+        texel[k] = (float)((double)texel[k] * (is_moment && k > 0 ? (double)before : 1) + sum);
+        if (is_opacity || k == 0) texel[k] = spsi_fmin(spsi_fmax(texel[k], k > 0 ? texel[k - 1] : 0), SPSI_DEPTH_MAX);
+    }
+    if (is_moment && texel[0] < 1e-6f * before) texel[0] = 0; /* rounding is left */
+    if (is_moment) spsi_moment_finish(&map->inner, texel);
+}
+
+static void spsi_update_task(void *data, int index) {
+    const spsi_filling *filling = (const spsi_filling *)data;
+    const sps_tmap *map = filling->map;
+    const size_t components = (size_t)map->settings.components;
+    spsi_map_tile into;
+    spsi_map_tile_place(filling, index, &into);
+    for (int i = 0; i < into.width * into.height; ++i) {
+        const size_t texel = spsi_map_tile_texel(&into, into.x0 + i % into.width, into.y0 + i / into.width);
+        float *fronts = (float *)map->data.fronts.data;
+        spsi_update_texel(map, into.sums + i, into.stride, (float *)map->data.texels.data + texel * components);
+        if (fronts) fronts[texel] = spsi_fmax(fronts[texel] + into.sums[components * into.stride + (size_t)i], 0);
+    }
+}
+
 static void spsi_store_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
     const sps_tmap *map = filling->map;
@@ -14745,7 +14792,8 @@ SPSI_COLD sps_result spsi_fill_sums(spsi_filling *filling) {
         spsi_parallel_items(filling->context, filling->band.tiles_x, spsi_ranges_task, filling);
     }
     if (spsi_fill_band(filling, SPSI_VISIT_SUMS)) return filling->context->result;
-    spsi_parallel_items(filling->context, filling->band.tiles_x, spsi_store_task, filling);
+    spsi_parallel_items(filling->context, filling->band.tiles_x, map->updates ? spsi_update_task : spsi_store_task,
+                        filling);
     return SPS_OK;
 }
 
@@ -15141,11 +15189,13 @@ SPSI_COLD sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
     const size_t texels = spsi_light_grid_texels(&map->grid);
     spsi_buffer *known = map->technique->lists ? &map->data.starts : &map->data.texels;
     if (map->table) return SPS_OK;
-    if (!spsi_buffer_reserve(map->context, known, spsi_tmap_known_items(map), sizeof(float)))
+    if (!map->updates && !spsi_buffer_reserve(map->context, known, spsi_tmap_known_items(map), sizeof(float)))
         return map->context->result;
     if (map->technique->lists) memset(known->data, 0, (texels + 1) * sizeof(uint32_t));
-    if (map->has_fronts && !spsi_buffer_reserve(map->context, &map->data.fronts, texels, sizeof(float)))
-        return map->context->result;
+    if (map->has_fronts && !map->data.fronts.data) {
+        if (!spsi_buffer_reserve(map->context, &map->data.fronts, texels, sizeof(float))) return map->context->result;
+        memset(map->data.fronts.data, 0, texels * sizeof(float));
+    }
     if (!has_surfaces) return SPS_OK;
     float *surfaces = (float *)spsi_buffer_reserve(map->context, &map->data.surfaces, texels, sizeof(float));
     for (size_t i = 0; i < texels && surfaces; ++i) surfaces[i] = SPSI_NO_SURFACE;
@@ -15203,12 +15253,15 @@ SPSI_COLD sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     }
     for (int i = 0; i < occluders->faces.count; ++i)
         has_surfaces |= spsi_face_optical_depth(&occluders->faces.list[i]) >= SPSI_DEPTH_MAX;
-    map->has_fronts = spsi_tmap_needs_fronts(map, occluders);
+    map->has_fronts = map->data.fronts.data || spsi_tmap_needs_fronts(map, occluders);
     if (spsi_tmap_reserve_texels(map, has_surfaces)) return context->result;
     memset(&filling, 0, sizeof filling);
     filling.context = context;
     filling.map = map;
     filling.occluders = occluders;
+    for (int i = 0; i < occluders->frame->particles.set_count; ++i)
+        if (occluders->frame->particles.sets[i].index < map->removed_sets)
+            filling.removed = (uint32_t)occluders->frame->content->set_ends[i];
     filling.band.tiles_x = spsi_tile_columns(&map->grid.rays[0]);
     filling.light_u = map->grid.rays[0].perspective ? -map->grid.near_depth * map->grid.per_depth : -HUGE_VAL;
     occluders->boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
@@ -15434,6 +15487,31 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
     spsi_tmap_tell_outside(map, frame);
     spsi_tmap_tell_amid(map, frame);
     return SPS_OK;
+}
+
+/* Fails unless a scene to be removed or added (NULL: none) has particles alone. */
+SPSI_COLD sps_result spsi_check_update(const sps_tmap *map, const sps_scene *scene) {
+    const int others = scene ? scene->volume_count > 0 || scene->mesh_count > 0 : 0;
+    if (!scene || spsi_check_scene(map->context, scene) || !others) return map->context->result;
+    return spsi_fail_that(map->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_SCENE, -1,
+                          scene->volume_count > 0 ? "volume_count" : "mesh_count", 0,
+                          "is not 0, but only particles can be removed and added");
+}
+
+SPSI_COLD sps_result spsi_tmap_update(sps_tmap *map, const sps_scene *removed, const sps_scene *added) {
+    const sps_tmap_technique technique = map->settings.technique;
+    const int sums = technique == SPS_TMAP_OPACITY || technique == SPS_TMAP_FOURIER || technique == SPS_TMAP_MOMENT;
+    if (map->has_range || !sums)
+        return spsi_fail_that(map->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_TMAP_SETTINGS, -1, "technique", technique,
+                              "is one whose texels cannot be updated, having a range, lists or no gas");
+    if (spsi_check_update(map, removed) || spsi_check_update(map, added)) return map->context->result;
+    if (removed && spsi_tmap_add(map, removed)) return map->context->result;
+    map->removed_sets = map->added.counts[2];
+    if (added && spsi_tmap_add(map, added)) return map->context->result;
+    map->updates = 1;
+    map->finished = 0;
+    map->failed = spsi_tmap_finish(map) != SPS_OK;
+    return map->context->result;
 }
 
 /* --- export as textures --- */
@@ -29184,6 +29262,14 @@ SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
     if (refused) return refused;
     if (spsi_require_unfinished(map)) return spsi_end_timed(map->context);
     map->failed = spsi_tmap_finish(map) != SPS_OK;
+    spsi_tmap_forget(map);
+    return spsi_end_timed(map->context);
+}
+
+SPS_API sps_result sps_tmap_update(sps_tmap *map, const sps_scene *removed, const sps_scene *added) {
+    const sps_result refused = spsi_begin(map ? map->context : NULL);
+    if (refused) return refused;
+    if (!spsi_require_finished(map)) spsi_tmap_update(map, removed, added);
     spsi_tmap_forget(map);
     return spsi_end_timed(map->context);
 }

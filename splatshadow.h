@@ -14583,6 +14583,8 @@ static void spsi_map_tile_clear(const spsi_map_tile *into) {
         memset(into->sums, 0, (size_t)into->floats * into->stride * sizeof(float));
 }
 
+#define SPSI_SPHERES_AHEAD 8 /* prefetched: a tile's spheres lie far apart in memory */
+
 /* Changes the sign of a tile's sums. */
 static void spsi_map_tile_negate(const spsi_map_tile *into) {
     const size_t count = (size_t)into->floats * into->stride;
@@ -14602,6 +14604,8 @@ static void spsi_fill_task(void *data, int index) {
     int removes = filling->removed > 0; /* removed particles come first */
     for (uint32_t i = 0; i < count; ++i) {
         const spsi_sphere *sphere = &occluders->spheres[own ? own[i] : i];
+        if (own && i + SPSI_SPHERES_AHEAD < count)
+            spsi_prefetch(&occluders->spheres[own[i + SPSI_SPHERES_AHEAD]], sizeof *sphere);
         if (removes && (own ? own[i] : i) >= filling->removed) spsi_map_tile_negate(&into), removes = 0;
         const int x0 = spsi_imax(sphere->x0, into.x0), x1 = spsi_imin(sphere->x1, into.x0 + into.width - 1);
         const int y0 = spsi_imax(sphere->y0, into.y0), y1 = spsi_imin(sphere->y1, into.y0 + into.height - 1);

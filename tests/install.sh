@@ -134,8 +134,8 @@ check_code() {
         printf 'int budget(sps_context *context, sps_config config, sps_scene scene, sps_view view, sps_image image, sps_stats_report stats);\n'
         printf 'int budget(sps_context *context, sps_config config, sps_scene scene, sps_view view, sps_image image, sps_stats_report stats) {\n'
         code_of c docs/budget.md
-        printf '(void)config; return 0;\n}\nvoid upload(sps_tmap *map, unsigned block, unsigned texels, unsigned surfaces, unsigned planes, unsigned starts);\n'
-        printf 'void upload(sps_tmap *map, unsigned block, unsigned texels, unsigned surfaces, unsigned planes, unsigned starts) {\n'
+        printf '(void)config; return 0;\n}\nvoid upload(sps_tmap *map, unsigned block, unsigned texels, unsigned surfaces, unsigned fronts, unsigned planes, unsigned starts);\n'
+        printf 'void upload(sps_tmap *map, unsigned block, unsigned texels, unsigned surfaces, unsigned fronts, unsigned planes, unsigned starts) {\n'
         code_of c docs/shadow_maps.md
         printf '}\n'
     } > "$folder/code.c"

@@ -16,6 +16,7 @@
    bench cheapest   for each of some errors the cheapest setting that has no more, in Markdown
    bench accuracy   the tables of error against time alone */
 
+#include "bench_map_particles.h"
 #include "measuring.h"
 #include "particles.h"
 #include "scans.h"
@@ -359,6 +360,12 @@ static void bench_maps(void) {
            "M inserts/s", "M queries/s", "", "MB", "1", "2", "ratio", "1", "2", "1", "2");
     for (size_t i = 0; i < sizeof map_rows / sizeof *map_rows; ++i) bench_map(&map_rows[i], &trial, sessions);
     map_trial_end(&trial);
+    at_most("10^6 particles of 1.4 texels, opacity / plain loop", small_particles_ratio(&sessions[0], program, 0.006),
+            "", 1.3);
+    at_most("5 % of 10^5 particles replaced, opacity / made anew",
+            update_ratio(&sessions[0], program, SPS_TMAP_OPACITY), "", 0.15);
+    at_most("the same, Fourier", update_ratio(&sessions[0], program, SPS_TMAP_FOURIER), "", 0.15);
+    at_most("the same, moments", update_ratio(&sessions[0], program, SPS_TMAP_MOMENT), "", 0.15);
     for (int i = 0; i < 2; ++i) ex_session_end(&sessions[i]);
 }
 

@@ -911,7 +911,7 @@ typedef struct sps_tmap_info {
     int face_count;     /* 1, or 6 */
     int is_finished;    /* 1: it can be queried and uploaded */
     int item_floats;    /* floats per texel in sps_tmap_texels; deep, compressed: per interval or node */
-    size_t texel_count; /* of all faces; length of sps_tmap_surfaces and _fronts; sps_tmap_starts has one more */
+    size_t texel_count; /* all faces; length of sps_tmap_surfaces and _fronts; sps_tmap_starts has one more */
     size_t float_count; /* length of sps_tmap_texels; deep, compressed: 0 before sps_tmap_finish */
     /* Memory of the map, except up to 32 bytes per allocation. Before sps_tmap_finish, it excludes intervals, nodes,
        surfaces and fronts (4 per texel each). */
@@ -970,8 +970,8 @@ typedef struct sps_tmap_export_settings {
     sps_export_format format;
     sps_export_layout layout;
     float depth_limit; /* maximum of stored optical depths; 0: 6 for UNORM8, 12 for UNORM16, otherwise the format's */
-    /* 0: where gas of a texel is empty, its range or moments are those of its neighbours, so that filtering mixes
-       nothing else. 1: texels stay as they are. */
+    /* 0: texels without gas take the range or moments of their neighbours, so that filtering mixes nothing else. 1:
+       texels stay as they are. */
     int keep_empty;
     /* BEER: world units per unit of distance, and per unit of the length that extinction refers to; 0: 1. For
        kilometres and extinction per metre in a world of centimetres: 1e5 and 100. */
@@ -984,9 +984,9 @@ typedef struct sps_tmap_export_settings {
 typedef struct sps_export_constants {
     int32_t components;  /* stored, including fronts */
     int32_t columns;     /* layers side by side in an atlas, otherwise 1 */
-    float moment_bias;   /* moments are mixed with this share of a wide distribution, against rounding */
+    float moment_bias;   /* fraction of a wide distribution to mix into moments, against rounding */
     int32_t padding;     /* 0 */
-    float scale[68], offset[68]; /* component k: offset[k] + scale[k] * what a texture returns */
+    float scale[68], offset[68]; /* component k: offset[k] + scale[k] * the texture's value */
 } sps_export_constants;
 
 typedef struct sps_tmap_texture {
@@ -1090,9 +1090,9 @@ SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene);
 SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 
 /* Takes particles out of a finished map and adds others, in time proportional to these: for OPACITY and MOMENT maps,
-   and FOURIER without texel_range. Both scenes have particles alone; either may be NULL. Those removed must be as they
-   were added. Callbacks are called before this returns. Optical depths drift by about 1e-7 of the largest per update.
-   After a failure other than ARGUMENT and UNSUPPORTED, the map can only be destroyed. Errors: ARGUMENT (not finished; a
+   and FOURIER without texel_range. Both scenes have particles alone; either may be NULL. Removed particles must be as
+   they were added. Callbacks are called before this returns. Optical depths drift by about 1e-7 of the largest per
+   update. After a failure other than ARGUMENT and UNSUPPORTED, the map can only be destroyed. Errors: ARGUMENT (not finished; a
    field of a scene), UNSUPPORTED (other techniques; volumes or meshes), and all of sps_tmap_finish's. */
 SPS_API sps_result sps_tmap_update(sps_tmap *map, const sps_scene *removed, const sps_scene *added);
 
@@ -15171,7 +15171,7 @@ SPSI_COLD sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occlu
     return SPS_OK;
 }
 
-/* 1: light passes some way before near_depth. Lists hold that way themselves. */
+/* 1: sums miss gas before near_depth, which lists include. */
 static int spsi_tmap_may_have_fronts(const sps_tmap *map) {
     return map->technique->insert && (!map->grid.rays[0].perspective || map->grid.near_depth > 0);
 }
@@ -15618,7 +15618,7 @@ static double spsi_list_extent(const sps_tmap *map, const spsi_texel *texel, dou
     return length;
 }
 
-#define SPSI_THIN_GAS 1e-6 /* of the depth range: gas is at least this long, which keeps a pane's extinction finite */
+#define SPSI_THIN_GAS 1e-6 /* minimum length of gas in u, which keeps the extinction of thin sheets finite */
 
 static void spsi_export_beer(const spsi_export *job, size_t index, float *values) {
     const sps_tmap_export_settings *settings = job->settings;

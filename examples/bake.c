@@ -1,49 +1,35 @@
-/* bake: textures for engines from what build/render renders. `bake six-way` makes the lightmaps of a card of smoke, and
-   takes render's options for the scene. Exit status: 0 done; 1 a render failed; 2 an option or a file was wrong. The
-   last two with one line on stderr. */
+/* bake: textures for engines from what build/render renders: `bake six-way` makes the lightmaps of a card of smoke,
+   `bake map` a transmittance map, `bake cloud-shadow` the shadow maps of clouds over a terrain. They take render's
+   options for the scene. Exit status: 0 done; 1 a render failed; 2 an option or a file was wrong. The last two with one
+   line on stderr. */
 
 #include "render_scene.h"
-#include "six_way.h"
+#include "map_texture.h"
 
-/* ========================================================================================= options of six-way */
+/* ======================================================================================= options of any command */
 
-/* Options of render that a bake has no use for, and what to do instead. */
-static const struct {
+/* An option that a command has no use for, and what to do instead. */
+typedef struct refusal {
     const char *option, *why;
-} refused[] = {{"--light", "its lights are one on each of six sides"},
-               {"--ambient", "ambient light has no side"},
-               {"--gas-ambient", "ambient light has no side"},
-               {"--particle-ambient", "ambient light has no side"},
-               {"--background", "there is nothing behind a card"},
-               {"--fov", "a card is seen in parallel; give --ortho"},
-               {"--width", "give --tile"},
-               {"--height", "give --tile"},
-               {"--region", "give --tile, --camera and --ortho"},
-               {"--reference", "it renders as render does without --reference"},
-               {"--samples", "it renders as render does without --reference"},
-               {"--budget-seconds", "a budget would treat frames differently; give --quality"},
-               {"--budget-error", "a budget would treat frames differently; give --quality"},
-               {"--out", "give --out-a and --out-b"},
-               {"--pfm", "give --out-a and --out-b"},
-               {"--alpha-pfm", "give --out-a and --out-b"},
-               {"--exr", "give --out-a and --out-b"},
-               {"--radiance-hdr", "give --out-a and --out-b"},
-               {"--exr-type", "give --texels"},
-               {"--stats", "render writes statistics"},
-               {"--plan", "render prints plans"},
-               {"--list-grids", "render lists grids"}};
-
-enum { REFUSED = sizeof refused / sizeof *refused };
+} refusal;
 
 /* Whether an option was given for anything. */
 static int is_given(const arguments *all, const char *option) {
     int given = has(all->given, option);
     for (int i = 0; i == 0 || i < all->volume_count; ++i) given = given || has(all->volumes[i].given, option);
     for (int i = 0; i == 0 || i < all->particle_set_count; ++i) given = given || has(all->particles[i].given, option);
+    for (int i = 0; i == 0 || i < all->light_count; ++i) given = given || has(all->lights[i].given, option);
     return given;
 }
 
-static const char *const out_names[EX_CARD_TEXTURES] = {"--out-a", "--out-b", "--out-c"};
+/* A list ends with NULL. */
+static int check_refused(const arguments *all, const refusal *list, const char *command, ex_error *error) {
+    for (; list->option; ++list)
+        if (is_given(all, list->option))
+            return ex_fail(error, "%s says nothing about bake %s: %s", list->option, command, list->why);
+    return 0;
+}
+
 static const char *const endings[] = {".png", ".exr", ".dds", NULL};
 enum { PNG, EXR, DDS, ENDINGS };
 
@@ -53,10 +39,65 @@ static int ending_of(const char *path) {
     return ENDINGS;
 }
 
+static int asks_for_help(const settings *given) {
+    for (size_t i = 0; i < given->count; ++i)
+        if (strcmp(given->list[i].rule->name, "--help") == 0) return 1;
+    return 0;
+}
+
+/* Lists all options but those of two lists. */
+static int help(const char *usage, const refusal *one, const refusal *other) {
+    const char *left_out[OPTION_COUNT + 1] = {NULL};
+    int count = 0;
+    for (; one->option; ++one) left_out[count++] = one->option;
+    for (; other->option; ++other) left_out[count++] = other->option;
+    print_help(BAKE, usage, left_out);
+    return EX_OK;
+}
+
+static const refusal none_refused[] = {{NULL, NULL}};
+
+/* ========================================================================================= options of six-way */
+
+static const refusal refused[] = {{"--light", "its lights are one on each of six sides"},
+                                  {"--ambient", "ambient light has no side"},
+                                  {"--gas-ambient", "ambient light has no side"},
+                                  {"--particle-ambient", "ambient light has no side"},
+                                  {"--background", "there is nothing behind a card"},
+                                  {"--fov", "a card is seen in parallel; give --ortho"},
+                                  {"--width", "give --tile"},
+                                  {"--height", "give --tile"},
+                                  {"--region", "give --tile, --camera and --ortho"},
+                                  {"--reference", "it renders as render does without --reference"},
+                                  {"--samples", "it renders as render does without --reference"},
+                                  {"--budget-seconds", "a budget would treat frames differently; give --quality"},
+                                  {"--budget-error", "a budget would treat frames differently; give --quality"},
+                                  {"--out", "give --out-a and --out-b"},
+                                  {"--pfm", "give --out-a and --out-b"},
+                                  {"--alpha-pfm", "give --out-a and --out-b"},
+                                  {"--exr", "give --out-a and --out-b"},
+                                  {"--radiance-hdr", "give --out-a and --out-b"},
+                                  {"--exr-type", "give --texels"},
+                                  {"--stats", "render writes statistics"},
+                                  {"--plan", "render prints plans"},
+                                  {"--list-grids", "render lists grids"},
+                                  {"--convention", "bake cloud-shadow has it"},
+                                  {"--metres-per-unit", "bake cloud-shadow has it"},
+                                  {"--border", "bake map has it"},
+                                  {"--depths", "bake map has it"},
+                                  {"--surfaces", "bake map has it"},
+                                  {"--constants", "bake map has it"},
+                                  {NULL, NULL}};
+
+static const char *const out_names[EX_CARD_TEXTURES] = {"--out-a", "--out-b", "--out-c"};
 /* Each texture of the layout needs a file, whose ending must suit the texels. */
 static int check_textures(const arguments *all, ex_error *error) {
     const bake_arguments *bake = &all->bake;
-    const int count = ex_card_layout_of(bake->layout).count, has_texels = has(all->given, "--texels");
+    const int has_texels = has(all->given, "--texels");
+    if (bake->layout >= FIRST_MAP_LAYOUT)
+        return ex_fail(error, "--layout %s is for maps, not for bake six-way", layout_names[bake->layout]);
+    if (bake->texels > EX_CARD_FLOAT) return ex_fail(error, "--texels unorm16 is for maps, not for bake six-way");
+    const int count = ex_card_layout_of(bake->layout).count;
     for (int i = 0; i < EX_CARD_TEXTURES; ++i) {
         const char *path = bake->out[i];
         if (!path && i < count)
@@ -101,9 +142,7 @@ static int check_frames(arguments *all, ex_error *error) {
 
 /* What needs no file. */
 static int check_six_way(arguments *all, ex_error *error) {
-    for (int i = 0; i < REFUSED; ++i)
-        if (is_given(all, refused[i].option))
-            return ex_fail(error, "%s says nothing about bake six-way: %s", refused[i].option, refused[i].why);
+    if (check_refused(all, refused, "six-way", error)) return 1;
     if (shadow_is(all, "samples"))
         return ex_fail(error, "--shadow samples says nothing about bake six-way: %s",
                        "it renders as render does without --reference");
@@ -306,23 +345,10 @@ static int write_textures(const six_way *run, ex_error *error) {
     return EX_OK;
 }
 
-/* ============================================================================================== the program */
-
-static int asks_for_help(const settings *given) {
-    for (size_t i = 0; i < given->count; ++i)
-        if (strcmp(given->list[i].rule->name, "--help") == 0) return 1;
-    return 0;
-}
-
 static int bake_six_way(settings *given, ex_error *error) {
-    const char *left_out[REFUSED + 1] = {NULL};
     six_way run;
     memset(&run, 0, sizeof run);
-    for (int i = 0; i < REFUSED; ++i) left_out[i] = refused[i].option;
-    if (asks_for_help(given)) {
-        print_help(BAKE, "bake six-way [options]", left_out);
-        return EX_OK;
-    }
+    if (asks_for_help(given)) return help("bake six-way [options]", refused, none_refused);
     run.given = given;
     for (int a = 0; a < 3; ++a) run.lo[a] = DBL_MAX, run.hi[a] = -DBL_MAX;
     int status = for_frames(&run, measure_frame, error);
@@ -340,11 +366,380 @@ static int bake_six_way(settings *given, ex_error *error) {
     return status;
 }
 
+/* ============================================================================================= options of maps */
+
+/* Options that say nothing about transmittance. Those of appearance may stand, since looks have them. */
+static const refusal refused_by_maps[] = {{"--ambient", "a map holds transmittance"},
+                                          {"--gas-ambient", "a map holds transmittance"},
+                                          {"--particle-ambient", "a map holds transmittance"},
+                                          {"--background", "a map holds transmittance"},
+                                          {"--light-size", "a map holds the shadow of a point"},
+                                          {"--light-angle", "a map holds the shadow of a point"},
+                                          {"--light-samples", "a map holds the shadow of a point"},
+                                          {"--light-falloff", "a map holds transmittance"},
+                                          {"--light-focus", "a map holds transmittance"},
+                                          {"--width", "give --map-resolution"},
+                                          {"--height", "give --map-resolution"},
+                                          {"--region", "give --camera, --ortho or --fov"},
+                                          {"--coverage", "a texel has one ray"},
+                                          {"--shadow-resolution", "give --map-resolution"},
+                                          {"--table-size", "give --map-resolution"},
+                                          {"--no-shadows", "a map is a shadow"},
+                                          {"--reference", "a map is no picture"},
+                                          {"--samples", "a map is no picture"},
+                                          {"--filling", "a map is no picture"},
+                                          {"--tolerance", "a map is no picture"},
+                                          {"--budget-seconds", "give --quality"},
+                                          {"--budget-error", "give --quality"},
+                                          {"--scattering", "a map holds transmittance"},
+                                          {"--scattering-resolution", "a map holds transmittance"},
+                                          {"--scattering-tolerance", "a map holds transmittance"},
+                                          {"--pfm", "give --out"},
+                                          {"--alpha-pfm", "give --out"},
+                                          {"--exr", "give --out"},
+                                          {"--exr-type", "give --texels"},
+                                          {"--radiance-hdr", "give --out"},
+                                          {"--stats", "render writes statistics"},
+                                          {"--plan", "render prints plans"},
+                                          {"--list-grids", "render lists grids"},
+                                          {"--tile", "give --map-resolution"},
+                                          {"--frames", "it bakes one frame"},
+                                          {"--alpha", "a map has none"},
+                                          {"--scale", "a map holds transmittance"},
+                                          {"--out-a", "give --out"},
+                                          {"--out-b", "give --surfaces"},
+                                          {"--out-c", "give --out"},
+                                          {NULL, NULL}};
+static const refusal refused_by_map[] = {{"--tiles", "bake cloud-shadow has it"},
+                                         {"--convention", "bake cloud-shadow has it"},
+                                         {"--metres-per-unit", "bake cloud-shadow has it"},
+                                         {NULL, NULL}};
+static const refusal refused_by_cloud_shadow[] = {{"--camera", "its sun sees all of the scene"},
+                                                  {"--fov", "its sun sees all of the scene"},
+                                                  {"--depths", "they are those of the scene"},
+                                                  {"--surfaces", "polygons have shadow maps of their own"},
+                                                  {NULL, NULL}};
+
+/* Both commands. */
+typedef struct map_run {
+    const char *command;
+    int is_cloud, is_beer; /* bake cloud-shadow; with --convention unreal */
+    int zip, has_told;
+    settings *given;
+    ex_session session;
+    sps_scene scene;
+    ex_map_aim aim;
+    sps_tmap_light light;
+    ex_map_texture texture;
+} map_run;
+
+static int is_spot(const light_arguments *light) { return light->cone[1] > 0; }
+
+/* Which shadows textures can hold. The default is the library's. */
+static int choose_technique(const map_run *run, arguments *all, ex_error *error) {
+    static const char *const textures[] = {"opacity", "deep-opacity", "fourier", "moment", "beer", NULL};
+    static const char *const lists[] = {"deep", "compressed", NULL};
+    const char *const *fit = run->is_beer ? lists : textures;
+    if (!has(all->given, "--shadow")) {
+        all->shadow = ex_find_name(shadow_names, run->is_beer ? "deep" : "deep-opacity");
+        if (!run->is_beer) all->map.cubic = 1;
+    }
+    const char *name = shadow_names[all->shadow];
+    if (ex_find_name(fit, name) >= 0) return 0;
+    if (run->is_beer) return ex_fail(error, "--shadow %s: --convention unreal needs deep or compressed", name);
+    if (ex_find_name(lists, name) >= 0)
+        return ex_fail(error, "--shadow %s: a texture holds no lists; bake cloud-shadow --convention unreal reads them",
+                       name);
+    return ex_fail(error, "--shadow %s: bake %s needs opacity, deep-opacity, fourier, moment or beer", name,
+                   run->command);
+}
+
+/* Where a map is seen from. */
+static int check_map_view(const map_run *run, const arguments *all, ex_error *error) {
+    const light_arguments *light = all->lights;
+    const int has_camera = has(all->given, "--camera"), fov = has(all->given, "--fov");
+    const int is_cube = strcmp(layout_names[all->bake.layout], "cube") == 0;
+    if (has_camera && all->light_count > 0)
+        return ex_fail(error, "--camera and --light exclude each other: both say where the map is seen from");
+    if (!has_camera && all->light_count != 1)
+        return ex_fail(error, "bake %s needs one --light%s, and there are %d", run->command,
+                       run->is_cloud ? "" : " or --camera", all->light_count);
+    const int is_sun = !has_camera && light->kind == SPS_LIGHT_DIRECTIONAL;
+    if (!has_camera && light->image)
+        return ex_fail(error, "--light %s: a projector makes no map; give a spot or --camera", light->text);
+    if (run->is_cloud && !is_sun)
+        return ex_fail(error, "--light %s: a cloud shadow needs a directional one", light->text);
+    if (is_cube && (has_camera || is_sun || is_spot(light)))
+        return ex_fail(error, "--layout cube needs a point light, which has six views");
+    if (is_cube && (fov || has(all->given, "--border")))
+        return ex_fail(error, "%s says nothing about --layout cube", fov ? "--fov" : "--border");
+    if (is_sun && fov) return ex_fail(error, "--fov says nothing about --light %s: give --ortho", light->text);
+    if (!is_sun && !has_camera && has(all->given, "--ortho"))
+        return ex_fail(error, "--ortho says nothing about --light %s: give --fov", light->text);
+    if (!has_camera && is_spot(light) && !fov && light->cone[1] > 88)
+        return ex_fail(error, "--light %s: a map sees up to 88 degrees from its axis; give --fov", light->text);
+    if (has(all->given, "--depths") && !(all->bake.depths[0] < all->bake.depths[1]))
+        return ex_fail(error, "--depths %g,%g: the far one must be greater", all->bake.depths[0], all->bake.depths[1]);
+    return 0;
+}
+
+/* What kind of file holds what. */
+static int check_map_files(const map_run *run, arguments *all, ex_error *error) {
+    static const char *const of_gas[] = {"--shadow", "--map-components", "--map-epsilon", "--map-cubic",
+                                         "--map-texel-range"};
+    bake_arguments *bake = &all->bake;
+    const char *layout = layout_names[bake->layout], *path = all->out;
+    const int ending = path ? ending_of(path) : DDS, has_texels = has(all->given, "--texels");
+    if (!path && (run->is_cloud || !bake->surfaces))
+        return ex_fail(error, "nothing to write: give --out FILE.dds%s", run->is_cloud ? "" : " or --surfaces");
+    if (ending == ENDINGS) return ex_fail(error, "--out %s: the name must end in .dds, .exr or .png", path);
+    if (ending == PNG && !has_texels) bake->texels = EX_CARD_UNORM8;
+    const char *texels = texel_names[bake->texels];
+    const int is_unorm = strncmp(texels, "unorm", 5) == 0;
+    if (!path && is_unorm) return ex_fail(error, "--surfaces %s holds no --texels %s", bake->surfaces, texels);
+    for (int i = 0; i < 5 && !path; ++i)
+        if (has(all->given, of_gas[i])) return ex_fail(error, "%s says nothing without --out", of_gas[i]);
+    if (run->is_beer && is_unorm)
+        return ex_fail(error, "--convention unreal has --texels half or float, which .dds and .exr hold");
+    if ((ending == EXR && is_unorm) || (ending == PNG && strcmp(texels, "unorm8") != 0))
+        return ex_fail(error, "--out %s holds no --texels %s", path, texels);
+    if (ending != DDS && !run->is_beer && strcmp(layout, "atlas") != 0)
+        return ex_fail(error, "--out %s holds one picture: give --layout atlas, or a .dds file", path);
+    if (run->is_beer && has(all->given, "--layout"))
+        return ex_fail(error, "--layout says nothing about --convention unreal, which is one picture");
+    if (bake->surfaces && ending_of(bake->surfaces) != DDS)
+        return ex_fail(error, "--surfaces %s: the name must end in .dds", bake->surfaces);
+    if (has(all->given, "--exr-compression") && ending != EXR)
+        return ex_fail(error, "--exr-compression says nothing without an .exr file");
+    if (!run->is_beer && has(all->given, "--metres-per-unit"))
+        return ex_fail(error, "--metres-per-unit says nothing about --convention library");
+    return 0;
+}
+
+/* What needs no file. */
+static int check_maps(map_run *run, arguments *all, ex_error *error) {
+    bake_arguments *bake = &all->bake;
+    run->is_beer = run->is_cloud && strcmp(convention_names[bake->convention], "unreal") == 0;
+    run->zip = strcmp(exr_compression_names[all->exr_compression], "zip") == 0;
+    if (check_refused(all, refused_by_maps, run->command, error) ||
+        check_refused(all, run->is_cloud ? refused_by_cloud_shadow : refused_by_map, run->command, error))
+        return 1;
+    if (has(all->given, "--layout") && bake->layout < FIRST_MAP_LAYOUT)
+        return ex_fail(error, "--layout %s is for bake six-way; maps have array, slices, atlas and cube",
+                       layout_names[bake->layout]);
+    if (!has(all->given, "--layout")) bake->layout = FIRST_MAP_LAYOUT;
+    if (!has(all->given, "--tiles")) bake->tiles[0] = bake->tiles[1] = 1;
+    if (all->volume_count + all->particle_set_count + all->mesh_count == 0)
+        return ex_fail(error, "nothing to bake: give --volume, --particles or --mesh");
+    if (bake->tiles[0] > 16384 / bake->tiles[1])
+        return ex_fail(error, "--tiles %d,%d: more than 16384 maps", bake->tiles[0], bake->tiles[1]);
+    if (!has(all->given, "--map-resolution")) all->map_size = 512;
+    return choose_technique(run, all, error) || check_map_view(run, all, error) || check_map_files(run, all, error);
+}
+
+/* ================================================================================================== the maps */
+
+enum { MAP_FILES = 3 };
+static const char *const map_options[MAP_FILES] = {"--out", "--surfaces", "--constants"};
+
+/* Names of the files of a tile, NULL where there is none. Tiles are counted row by row from the top left. */
+static int name_map_files(const map_run *run, const arguments *all, int tile, const char *names[MAP_FILES],
+                          ex_error *error) {
+    const char *const given[MAP_FILES] = {all->out, all->bake.surfaces, all->bake.constants};
+    const int count = all->bake.tiles[0] * all->bake.tiles[1];
+    for (int i = 0; i < MAP_FILES; ++i) {
+        int has_number = 0;
+        names[i] = given[i];
+        if (!given[i] || !run->is_cloud) continue;
+        char *name = ex_frame_name(given[i], tile, &has_number);
+        if (!name)
+            return ex_fail(error, "%s %s: %% begins %%d or %%0Nd, once, and N is 1 to 9", map_options[i], given[i]);
+        names[i] = keep_text(run->given, name);
+        if (count > 1 && !has_number)
+            return ex_fail(error, "%s %s: with %d tiles, the name needs %%d", map_options[i], given[i], count);
+    }
+    return 0;
+}
+
+/* Whether all files can be written, and overwrite nothing that is read. */
+static int check_map_names(const map_run *run, const arguments *all, ex_error *error) {
+    for (int tile = 0; tile < all->bake.tiles[0] * all->bake.tiles[1]; ++tile) {
+        const char *names[MAP_FILES];
+        if (name_map_files(run, all, tile, names, error)) return 1;
+        for (int i = 0; i < MAP_FILES; ++i) {
+            const char *input = names[i] ? find_input(all, names[i]) : NULL;
+            if (input) return ex_fail(error, "%s %s is a file that %s reads", map_options[i], names[i], input);
+            for (int k = 0; k < i; ++k)
+                if (names[i] && names[k] && ex_same_file(names[i], names[k]))
+                    return ex_fail(error, "%s and %s are the same file: %s", map_options[k], map_options[i], names[i]);
+            if (names[i] && ex_check_writable(names[i], error)) return 1;
+        }
+    }
+    return 0;
+}
+
+/* Sets what maps have in common. */
+static int aim_maps(map_run *run, arguments *all, ex_error *error) {
+    ex_map_aim *aim = &run->aim;
+    sps_tmap_export_settings *export = &run->texture.settings;
+    static const sps_export_format formats[] = {SPS_EXPORT_UNORM8, SPS_EXPORT_HALF, SPS_EXPORT_FLOAT,
+                                                SPS_EXPORT_UNORM16};
+    if (!find_bounds(all, aim->lo, aim->hi)) return ex_fail(error, "nothing to bake: the scene is empty");
+    memcpy(aim->up, all->up, sizeof aim->up);
+    memcpy(aim->tiles, all->bake.tiles, sizeof aim->tiles);
+    aim->texels = all->map_size;
+    aim->size = all->ortho > 0 ? all->ortho : has(all->given, "--fov") ? all->fov * EX_PI / 180 : 0;
+    aim->slack = shadow_is(all, "fourier") && !all->map.texel_range ? 1.0 / 16 : 1.0 / 1024;
+    run->light.border = all->bake.border;
+    run->light.quality = (sps_quality)all->quality, run->light.slab_thickness = all->slab;
+    export->format = formats[all->bake.texels];
+    export->layout = (sps_export_layout)(all->bake.layout - FIRST_MAP_LAYOUT);
+    if (!run->is_beer) return 0;
+    export->content = SPS_EXPORT_BEER;
+    export->extinction_unit = 1 / all->bake.metres_per_unit;
+    export->distance_unit = 1000 / all->bake.metres_per_unit;
+    return 0;
+}
+
+/* Aims the map of a tile. */
+static int aim_map(map_run *run, arguments *all, int tile, double range[2], ex_error *error) {
+    const light_arguments *light = all->lights;
+    const int place[2] = {tile % run->aim.tiles[0], tile / run->aim.tiles[0]};
+    static const double none[3] = {0, 0, 0};
+    double tangent;
+    if (has(all->given, "--camera")) {
+        sps_view view;
+        memset(&view, 0, sizeof view);
+        make_view(all, &view);
+        run->light.camera = view.camera;
+        run->light.width = run->light.height = run->aim.texels;
+        return ex_map_measure(&run->aim, &run->light.camera, range, &tangent, error);
+    }
+    if (light->kind == SPS_LIGHT_DIRECTIONAL) {
+        ex_map_aim_sun(&run->aim, light->place, place, &run->light, range);
+        return 0;
+    }
+    if (run->texture.settings.layout == SPS_EXPORT_CUBE)
+        return ex_map_aim_around(&run->aim, light->place, &run->light, range, error);
+    if (is_spot(light) && !(run->aim.size > 0)) run->aim.size = 2 * light->cone[1] * EX_PI / 180;
+    return ex_map_aim_point(&run->aim, light->place, is_spot(light) ? light->axis : none, &run->light, range, error);
+}
+
+/* Says what the file does not hold. */
+static void tell_lost(map_run *run, const sps_tmap *map, const char *const names[MAP_FILES]) {
+    const uint64_t clamped = run->texture.about.clamped;
+    if (names[0] && clamped > 0)
+        fprintf(stderr, "bake: %s: %.0f numbers exceed the format or its limit of optical depth, and are clamped\n",
+                ex_quoted(names[0]).text, (double)clamped);
+    if (!run->is_cloud && names[0] && !names[1] && sps_tmap_surfaces(map) && !run->has_told++)
+        fputs("bake: opaque polygons are not in this texture: --surfaces FILE.dds makes one of them\n", stderr);
+}
+
+static int write_map(map_run *run, const sps_tmap *map, const char *const names[MAP_FILES], ex_error *error) {
+    const char *path = names[0];
+    const int ending = path ? ending_of(path) : ENDINGS;
+    if (ending == DDS && ex_map_write_dds(path, &run->texture, error)) return EX_MISTAKEN;
+    if (ending == EXR && ex_map_write_exr(path, &run->texture, run->zip, error)) return EX_MISTAKEN;
+    if (ending == PNG && ex_map_write_png(path, &run->texture, error)) return EX_MISTAKEN;
+    if (names[2] && ex_map_write_constants(names[2], map, &run->texture, error)) return EX_MISTAKEN;
+    return EX_OK;
+}
+
+/* Exports a finished map, and writes its files. */
+static int store_map(map_run *run, arguments *all, const sps_tmap *map, const char *const names[MAP_FILES],
+                     ex_error *error) {
+    ex_map_texture surfaces = run->texture;
+    int status = EX_OK;
+    surfaces.settings.content = SPS_EXPORT_SURFACES;
+    if (surfaces.settings.format != SPS_EXPORT_HALF) surfaces.settings.format = SPS_EXPORT_FLOAT;
+    if (surfaces.settings.layout != SPS_EXPORT_CUBE) surfaces.settings.layout = SPS_EXPORT_ARRAY;
+    if (names[1]) {
+        const sps_result result = ex_map_export(map, &surfaces);
+        status = result != SPS_OK                               ? explain(all, &run->session, result, error)
+                 : ex_map_write_dds(names[1], &surfaces, error) ? EX_MISTAKEN
+                                                                : EX_OK;
+        free(surfaces.texels);
+    }
+    if (status != EX_OK) return status;
+    if (!names[0]) run->texture.settings = surfaces.settings;
+    const sps_result result = ex_map_export(map, &run->texture);
+    status = result == SPS_OK ? write_map(run, map, names, error) : explain(all, &run->session, result, error);
+    free(run->texture.texels);
+    if (status == EX_OK) tell_lost(run, map, names);
+    return status;
+}
+
+static int bake_tile(map_run *run, arguments *all, int tile, ex_error *error) {
+    const char *names[MAP_FILES];
+    double range[2];
+    sps_tmap *map;
+    sps_tmap_settings made = all->map;
+    if (name_map_files(run, all, tile, names, error) || aim_map(run, all, tile, range, error)) return EX_MISTAKEN;
+    if (has(all->given, "--depths")) memcpy(range, all->bake.depths, sizeof range);
+    if (!names[0]) memset(&made, 0, sizeof made), made.technique = SPS_TMAP_DEPTH;
+    made.near_depth = range[0], made.far_depth = range[1];
+    sps_result result = sps_tmap_create(run->session.context, &run->light, &made, &map);
+    if (result == SPS_OK) result = sps_tmap_add(map, &run->scene);
+    if (result == SPS_OK) result = sps_tmap_finish(map);
+    ex_progress_end(&run->session.progress);
+    const int status =
+        result == SPS_OK ? store_map(run, all, map, names, error) : explain(all, &run->session, result, error);
+    sps_tmap_destroy(map);
+    return status;
+}
+
+static int bake_all_tiles(map_run *run, arguments *all, const scene_arrays *arrays, ex_error *error) {
+    int status = EX_OK;
+    if (load_scene(all, arrays, &run->scene, error) || aim_maps(run, all, error)) return EX_MISTAKEN;
+    if (ex_session_begin(&run->session, all->threads, error)) return EX_FAILED;
+    for (int tile = 0; tile < all->bake.tiles[0] * all->bake.tiles[1] && status == EX_OK; ++tile)
+        status = bake_tile(run, all, tile, error);
+    ex_session_end(&run->session);
+    return status;
+}
+
+static int bake_maps(map_run *run, settings *given, ex_error *error) {
+    arguments all;
+    scene_arrays arrays;
+    run->given = given;
+    begin_arguments(&all, given);
+    begin_scene(&arrays, given);
+    int status = EX_MISTAKEN;
+    if (!apply_settings(&all, error) && !check_maps(run, &all, error) && !find_volumes(&all, error) &&
+        !check_scene_options(&all, error) && !check_map_names(run, &all, error)) {
+        tell_backgrounds(&all);
+        status = bake_all_tiles(run, &all, &arrays, error);
+    }
+    free_scene(&arrays);
+    free_arguments(&all);
+    return status;
+}
+
+static int bake_map(settings *given, ex_error *error) {
+    map_run run;
+    memset(&run, 0, sizeof run);
+    run.command = "map";
+    if (asks_for_help(given)) return help("bake map [options]", refused_by_maps, refused_by_map);
+    return bake_maps(&run, given, error);
+}
+
+static int bake_cloud_shadow(settings *given, ex_error *error) {
+    map_run run;
+    memset(&run, 0, sizeof run);
+    run.command = "cloud-shadow", run.is_cloud = 1;
+    if (asks_for_help(given)) return help("bake cloud-shadow [options]", refused_by_maps, refused_by_cloud_shadow);
+    return bake_maps(&run, given, error);
+}
+
+/* ============================================================================================== the program */
+
 /* What stands first on the command line. */
 static const struct {
     const char *name, *help;
     int (*run_fn)(settings *given, ex_error *error);
-} commands[] = {{"six-way", "lightmaps of a card of smoke, for engines that light it from six sides", bake_six_way}};
+} commands[] = {{"six-way", "lightmaps of a card of smoke, for engines that light it from six sides", bake_six_way},
+                {"map", "a transmittance map: what of one light reaches any point", bake_map},
+                {"cloud-shadow", "maps of what of the sun passes clouds, over a terrain", bake_cloud_shadow}};
 
 enum { COMMANDS = sizeof commands / sizeof *commands };
 

@@ -1,6 +1,6 @@
-/* dds.h: writes textures as DDS files, always with the DX10 header: 2D, arrays and 3D, without mipmaps. The format:
-   Microsoft's "Programming guide for DDS", pages DDS_HEADER, DDS_PIXELFORMAT and DDS_HEADER_DXT10. It writes no cube
-   maps and no compressed formats, and reads nothing. */
+/* dds.h: writes textures as DDS files, always with the DX10 header: 2D, arrays, cube maps and 3D, without mipmaps. The
+   format: Microsoft's "Programming guide for DDS", pages DDS_HEADER, DDS_PIXELFORMAT and DDS_HEADER_DXT10. It writes no
+   compressed formats, and reads nothing. */
 
 #ifndef EX_DDS_H
 #define EX_DDS_H
@@ -48,8 +48,9 @@ typedef enum ex_dds_alpha {
 typedef struct ex_dds {
     const void *texels; /* as ex_dds_encode makes them; top row first, and one layer or slice after the other */
     int width, height;
-    int layers; /* 0: no array, which differs from an array of one in nothing */
-    int depth;  /* 0: 2D; otherwise the slices of a 3D texture, which has no layers */
+    int layers;  /* 0: no array, which differs from an array of one in nothing */
+    int depth;   /* 0: 2D; otherwise the slices of a 3D texture, which has no layers */
+    int is_cube; /* 1: each six layers are the faces of a cube map: +x -x +y -y +z -z */
     ex_dds_format format;
     ex_dds_alpha alpha;
 } ex_dds;
@@ -70,7 +71,7 @@ enum { EX_DDS_HEADER = 4 + 124 + 20 }; /* bytes before the texels */
 
 static inline void ex_dds_header(const ex_dds *texture, unsigned char header[EX_DDS_HEADER]) {
     const ex_dds_layout layout = ex_dds_layout_of(texture->format);
-    const int is_deep = texture->depth > 0, is_array = texture->layers > 1;
+    const int is_deep = texture->depth > 0, is_array = texture->layers > 1, is_cube = texture->is_cube != 0;
     uint32_t words[EX_DDS_HEADER / 4] = {0};
     words[0] = 0x20534444; /* "DDS " */
     words[1] = 124;
@@ -79,15 +80,16 @@ static inline void ex_dds_header(const ex_dds *texture, unsigned char header[EX_
     words[4] = (uint32_t)texture->width;
     words[5] = (uint32_t)(texture->width * layout.channels * layout.bytes);
     words[6] = (uint32_t)texture->depth;
-    words[7] = 1;                           /* level of detail; eleven words are reserved */
-    words[19] = 32;                         /* bytes of the pixel format */
-    words[20] = 4;                          /* which is four letters */
-    words[21] = 0x30315844;                 /* "DX10" */
-    words[27] = is_array ? 0x1008 : 0x1000; /* a texture; of several surfaces */
-    words[28] = is_deep ? 0x200000 : 0;     /* a volume */
+    words[7] = 1;                                          /* level of detail; eleven words are reserved */
+    words[19] = 32;                                        /* bytes of the pixel format */
+    words[20] = 4;                                         /* which is four letters */
+    words[21] = 0x30315844;                                /* "DX10" */
+    words[27] = is_array ? 0x1008 : 0x1000;                /* a texture; of several surfaces */
+    words[28] = is_deep ? 0x200000 : is_cube ? 0xfe00 : 0; /* a volume; a cube map with all faces */
     words[32] = (uint32_t)layout.dxgi;
     words[33] = is_deep ? 4 : 3; /* the number of dimensions, plus 1 */
-    words[35] = is_array ? (uint32_t)texture->layers : 1;
+    words[34] = is_cube ? 4 : 0; /* a cube map, again */
+    words[35] = is_array ? (uint32_t)texture->layers / (is_cube ? 6 : 1) : 1;
     words[36] = (uint32_t)texture->alpha;
     for (int i = 0; i < EX_DDS_HEADER / 4; ++i) ex_exr_number(header + 4 * i, words[i], 4);
 }
@@ -106,6 +108,9 @@ static inline int ex_dds_check(const char *path, const ex_dds *texture, ex_error
         return ex_fail(error, "%s: a DDS texture with %d layers: they must be within 0..2048", path, texture->layers);
     if (texture->depth > 0 && texture->layers > 1)
         return ex_fail(error, "%s: a DDS texture has slices or layers, not both", path);
+    if (texture->is_cube && (texture->layers < 6 || texture->layers % 6 != 0 || texture->width != texture->height))
+        return ex_fail(error, "%s: a DDS texture with %d layers of %d x %d: cube maps have six squares each", path,
+                       texture->layers, texture->width, texture->height);
     return 0;
 }
 

@@ -109,9 +109,9 @@ typedef struct settings {
 
 /* What bake.c makes of a scene. */
 typedef struct bake_arguments {
-    int layout, tile, tiles[2], frames[2], alpha, texels;
-    double scale;
-    const char *out[3];
+    int layout, tile, tiles[2], frames[2], alpha, texels, border, convention;
+    double scale, depths[2], metres_per_unit;
+    const char *out[3], *surfaces, *constants;
 } bake_arguments;
 
 /* No list can be longer than the list of settings, so all have its length. The first volume, set of particles, mesh and
@@ -160,9 +160,13 @@ static const char *const shadow_names[] = {"sheets",  "deep",   "compressed", "o
                                            "samples", "none",   NULL};
 static const char *const exr_type_names[] = {"half", "float", NULL};
 static const char *const exr_compression_names[] = {"zip", "none", NULL};
-static const char *const layout_names[] = {"unity", "o3de-tlrb", "o3de-lrt", "godot", NULL};
+/* Cards of six-way lightmaps; then those of maps, in the order of sps_export_layout. */
+static const char *const layout_names[] = {"unity", "o3de-tlrb", "o3de-lrt", "godot", "array",
+                                           "slices", "atlas",    "cube",     NULL};
+enum { FIRST_MAP_LAYOUT = 4 };
+static const char *const convention_names[] = {"unreal", "library", NULL};
 static const char *const alpha_names[] = {"straight", "premultiplied", NULL};
-static const char *const texel_names[] = {"unorm8", "half", "float", NULL};
+static const char *const texel_names[] = {"unorm8", "half", "float", "unorm16", NULL};
 static const char *const falloff_names[] = {"inverse-square", "none", NULL}; /* in the order of sps_falloff */
 
 /* ================================================================================================ handlers */
@@ -515,7 +519,7 @@ static const option_rule options[] = {
     {"--replace-invalid", NULL, "numbers that are NaN or too large count as 0; otherwise they end the render", set_flag, OF_SCENE(replace_invalid), NO_NUMBERS},
     {"--max-bytes", "N", "the most that a volume's file may take in memory, unpacked; default 4e9", set_reals, OF_SCENE(max_bytes), 1, 1, LARGEST, NULL},
     {"--threads", "N", "default one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
-    {"--out", "FILE.png", "sRGB picture", set_text, OF_SCENE(out), NO_NUMBERS},
+    {"--out", "FILE.png", "sRGB picture; with bake, a map as .dds, .exr or .png", set_text, OF_SCENE(out), NO_NUMBERS},
     {"--pfm", "FILE.pfm", "linear radiance, three channels", set_text, OF_SCENE(pfm), NO_NUMBERS},
     {"--alpha-pfm", "FILE.pfm", "coverage, one channel", set_text, OF_SCENE(alpha_pfm), NO_NUMBERS},
     {"--exr", "FILE.exr", "OpenEXR: linear radiance, coverage as A, distance from the eye as Z", set_text, OF_SCENE(exr), NO_NUMBERS},
@@ -525,16 +529,22 @@ static const option_rule options[] = {
     {"--stats", "FILE.json", "what the render did, and how long it took", set_text, OF_SCENE(stats), NO_NUMBERS},
     {"--plan", NULL, "says what would run, and why, and renders nothing; not with --reference", set_flag, OF_SCENE(plan), NO_NUMBERS},
     {"--list-grids", NULL, "says what grids the .vdb and .nvdb files have, and renders nothing", set_flag, OF_SCENE(list_grids), NO_NUMBERS},
-    {"--layout", "unity|o3de-tlrb|o3de-lrt|godot", "which light goes into which channel; default unity", set_choice, OF_BAKE(layout), 1, 0, 0, layout_names},
+    {"--layout", "unity|o3de-tlrb|o3de-lrt|godot | array|slices|atlas|cube", "of cards: which light goes into which channel, default unity; of maps: default array", set_choice, OF_BAKE(layout), 1, 0, 0, layout_names},
     {"--tile", "N", "pixels along each side of a frame; default 256", set_integers, OF_BAKE(tile), 1, 1, 16384, NULL},
-    {"--tiles", "C,R", "columns and rows of frames, from the top left; default: as square as can be", set_integers, OF_BAKE(tiles), 2, 1, 4096, NULL},
+    {"--tiles", "C,R", "columns and rows of frames, from the top left; of cloud shadows: of maps, default 1,1", set_integers, OF_BAKE(tiles), 2, 1, 4096, NULL},
     {"--frames", "A,B", "numbers of the first and the last frame, for %d or %0Nd in names of files", set_integers, OF_BAKE(frames), 2, 0, 999999999, NULL},
     {"--alpha", "straight|premultiplied", "premultiplied: radiance as it is seen; straight, the default: divided by coverage", set_choice, OF_BAKE(alpha), 1, 0, 0, alpha_names},
     {"--scale", "S", "texture's numbers per radiance, under lights of irradiance 1; default 1", set_reals, OF_BAKE(scale), 1, 1e-6, 1e6, NULL},
-    {"--texels", "unorm8|half|float", "of .dds, which has all three, and .exr; default half; .png is unorm8", set_choice, OF_BAKE(texels), 1, 0, 0, texel_names},
+    {"--texels", "unorm8|half|float|unorm16", "of .dds, and .exr; unorm16 for maps; default half; .png is unorm8", set_choice, OF_BAKE(texels), 1, 0, 0, texel_names},
     {"--out-a", "FILE", "the first texture, as .png, .exr or .dds", set_text, OF_BAKE(out[0]), NO_NUMBERS},
     {"--out-b", "FILE", "the second one", set_text, OF_BAKE(out[1]), NO_NUMBERS},
     {"--out-c", "FILE", "the third one, of any layout but unity's", set_text, OF_BAKE(out[2]), NO_NUMBERS},
+    {"--convention", "unreal|library", "what a cloud shadow's channels hold; default unreal", set_choice, OF_BAKE(convention), 1, 0, 0, convention_names},
+    {"--metres-per-unit", "M", "of the world, for --convention unreal; default 1", set_reals, OF_BAKE(metres_per_unit), 1, 1e-9, 1e9, NULL},
+    {"--border", "N", "texels beyond each edge of a map, up to 64; default 0", set_integers, OF_BAKE(border), 1, 0, 64, NULL},
+    {"--depths", "NEAR,FAR", "range of a map along its axis; default: all of the scene", set_reals, OF_BAKE(depths), 2, 0, FARTHEST, NULL},
+    {"--surfaces", "FILE.dds", "a second texture: where the first opaque polygons are", set_text, OF_BAKE(surfaces), NO_NUMBERS},
+    {"--constants", "FILE.json", "what shaders need besides the textures", set_text, OF_BAKE(constants), NO_NUMBERS},
     {"--help", NULL, "this text", set_flag, OF_SCENE(help), NO_NUMBERS},
 };
 /* clang-format on */

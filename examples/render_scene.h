@@ -210,13 +210,20 @@ static inline void widen_by_gas(double lo[3], double hi[3], const arguments *all
             widen(lo, hi, all->particles[i].particles.lo, all->particles[i].particles.hi);
 }
 
-/* Finds the middle of a loaded scene's bounding box, and half of its edges. */
-static inline void find_middle(const arguments *all, double middle[3], double half[3]) {
-    double lo[3] = {DBL_MAX, DBL_MAX, DBL_MAX}, hi[3] = {-DBL_MAX, -DBL_MAX, -DBL_MAX};
+/* Finds a loaded scene's bounding box. Returns 0 if the scene is empty, and takes a unit cube. */
+static inline int find_bounds(const arguments *all, double lo[3], double hi[3]) {
+    for (int a = 0; a < 3; ++a) lo[a] = DBL_MAX, hi[a] = -DBL_MAX;
     widen_by_gas(lo, hi, all);
     for (int i = 0; i < all->mesh_count; ++i) widen(lo, hi, all->meshes[i].mesh.lo, all->meshes[i].mesh.hi);
-    if (lo[0] > hi[0])
-        for (int a = 0; a < 3; ++a) lo[a] = 0, hi[a] = 1; /* the scene is empty */
+    if (lo[0] <= hi[0]) return 1;
+    for (int a = 0; a < 3; ++a) lo[a] = 0, hi[a] = 1;
+    return 0;
+}
+
+/* Finds the middle of a loaded scene's bounding box, and half of its edges. */
+static inline void find_middle(const arguments *all, double middle[3], double half[3]) {
+    double lo[3], hi[3];
+    find_bounds(all, lo, hi);
     for (int a = 0; a < 3; ++a) middle[a] = 0.5 * (lo[a] + hi[a]), half[a] = 0.5 * (hi[a] - lo[a]);
 }
 
@@ -451,6 +458,7 @@ static inline void begin_arguments(arguments *all, const settings *given) {
     all->up[1] = 1;
     all->fov = 40;
     all->bake.tile = 256, all->bake.scale = 1, all->bake.texels = ex_find_name(texel_names, "half");
+    all->bake.metres_per_unit = 1;
     all->max_bytes = EX_MAX_BYTES;
     all->shadow = ex_find_name(shadow_names, "auto");
     default_volume(all->volumes);

@@ -578,13 +578,29 @@ static int check_map_names(const map_run *run, const arguments *all, ex_error *e
     return 0;
 }
 
+/* Bounds that hold the kernels of voxels as well, which reach two voxels beyond the box. Returns 0 without a scene. */
+static int find_reach(const arguments *all, double lo[3], double hi[3]) {
+    const int found = find_bounds(all, lo, hi);
+    for (int i = 0; i < all->volume_count; ++i) {
+        const volume_arguments *volume = &all->volumes[i];
+        sps_placement wide = volume->placement;
+        for (int a = 0; a < 3; ++a)
+            for (int k = 0; k < 3; ++k) {
+                const double voxel = volume->placement.axis[a][k] / volume->voxels.size[a];
+                wide.origin[k] -= 2 * voxel, wide.axis[a][k] += 4 * voxel;
+            }
+        widen_by_box(lo, hi, &wide);
+    }
+    return found;
+}
+
 /* Sets what maps have in common. */
 static int aim_maps(map_run *run, arguments *all, ex_error *error) {
     ex_map_aim *aim = &run->aim;
-    sps_tmap_export_settings *export = &run->texture.settings;
+    sps_tmap_export_settings *made = &run->texture.settings;
     static const sps_export_format formats[] = {SPS_EXPORT_UNORM8, SPS_EXPORT_HALF, SPS_EXPORT_FLOAT,
                                                 SPS_EXPORT_UNORM16};
-    if (!find_bounds(all, aim->lo, aim->hi)) return ex_fail(error, "nothing to bake: the scene is empty");
+    if (!find_reach(all, aim->lo, aim->hi)) return ex_fail(error, "nothing to bake: the scene is empty");
     memcpy(aim->up, all->up, sizeof aim->up);
     memcpy(aim->tiles, all->bake.tiles, sizeof aim->tiles);
     aim->texels = all->map_size;
@@ -592,12 +608,12 @@ static int aim_maps(map_run *run, arguments *all, ex_error *error) {
     aim->slack = shadow_is(all, "fourier") && !all->map.texel_range ? 1.0 / 16 : 1.0 / 1024;
     run->light.border = all->bake.border;
     run->light.quality = (sps_quality)all->quality, run->light.slab_thickness = all->slab;
-    export->format = formats[all->bake.texels];
-    export->layout = (sps_export_layout)(all->bake.layout - FIRST_MAP_LAYOUT);
+    made->format = formats[all->bake.texels];
+    made->layout = (sps_export_layout)(all->bake.layout - FIRST_MAP_LAYOUT);
     if (!run->is_beer) return 0;
-    export->content = SPS_EXPORT_BEER;
-    export->extinction_unit = 1 / all->bake.metres_per_unit;
-    export->distance_unit = 1000 / all->bake.metres_per_unit;
+    made->content = SPS_EXPORT_BEER;
+    made->extinction_unit = 1 / all->bake.metres_per_unit;
+    made->distance_unit = 1000 / all->bake.metres_per_unit;
     return 0;
 }
 

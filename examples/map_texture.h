@@ -5,6 +5,7 @@
 #define EX_MAP_TEXTURE_H
 
 #include "six_way.h"
+#include "volume.h"
 
 /* -------------------------------------------------------------------------------------------------------- the view */
 
@@ -162,13 +163,6 @@ static inline int ex_map_write_dds(const char *path, const ex_map_texture *textu
     return ex_write_dds(path, &file, error);
 }
 
-/* The number that a half stands for. */
-static inline float ex_half_number(uint16_t bits) {
-    const int exponent = bits >> 10 & 31, digits = bits & 1023;
-    const double size = exponent ? ldexp(1024 + digits, exponent - 25) : ldexp(digits, -24);
-    return (float)(bits & 0x8000 ? -size : size);
-}
-
 /* One layer of four channels of floats or halves. */
 static inline int ex_map_write_exr(const char *path, const ex_map_texture *texture, int zip, ex_error *error) {
     const size_t count = 4 * (size_t)texture->about.width * (size_t)texture->about.height;
@@ -176,7 +170,7 @@ static inline int ex_map_write_exr(const char *path, const ex_map_texture *textu
     float *numbers = (float *)ex_allocate(count, sizeof *numbers);
     for (size_t i = 0; i < count; ++i)
         numbers[i] =
-            is_float ? ((const float *)texture->texels)[i] : ex_half_number(((const uint16_t *)texture->texels)[i]);
+            is_float ? ((const float *)texture->texels)[i] : ex_half_value(((const uint16_t *)texture->texels)[i]);
     ex_exr file;
     memset(&file, 0, sizeof file);
     file.rgba = numbers, file.width = texture->about.width, file.height = texture->about.height;

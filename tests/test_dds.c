@@ -50,12 +50,12 @@ static double value_at(const known_format *format, int index) {
 }
 
 /* Reserved words, and those that only other kinds of texture have. */
-static int others_are_zero(void) {
+static int others_are_zero(int is_cube) {
     for (int place = 32; place < 76; place += 4)
         if (word_at(place) != 0) return 0;
     for (int place = 88; place < 108; place += 4)
         if (word_at(place) != 0) return 0;
-    return word_at(116) == 0 && word_at(120) == 0 && word_at(124) == 0 && word_at(136) == 0;
+    return word_at(116) == 0 && word_at(120) == 0 && word_at(124) == 0 && (is_cube || word_at(136) == 0);
 }
 
 /* ---------------------------------------------------------------------------------------------------- the checks */
@@ -93,7 +93,7 @@ static void check_values(const known_format *format, const float *numbers, int c
 }
 
 /* Writes a texture, and reads back every field and every texel. */
-static void check_texture(const known_format *format, int width, int height, int layers, int depth) {
+static void check_texture(const known_format *format, int width, int height, int layers, int depth, int cubes) {
     static float numbers[MOST_BYTES / 4];
     static unsigned char texels[MOST_BYTES];
     const int images = depth > 0 ? depth : layers > 1 ? layers : 1;
@@ -105,7 +105,7 @@ static void check_texture(const known_format *format, int width, int height, int
     ex_dds_encode(format->format, numbers, (size_t)count, texels);
     texture.texels = texels, texture.width = width, texture.height = height;
     texture.layers = layers, texture.depth = depth, texture.format = format->format;
-    texture.alpha = EX_DDS_ALPHA_PREMULTIPLIED;
+    texture.alpha = EX_DDS_ALPHA_PREMULTIPLIED, texture.is_cube = cubes > 0;
     snprintf(path, sizeof path, "%s/a.dds", folder);
     if (!CHECK(ex_write_dds(path, &texture, &error) == 0)) return;
     memset(bytes, 0xee, sizeof bytes);
@@ -116,19 +116,26 @@ static void check_texture(const known_format *format, int width, int height, int
     CHECK(word_at(20) == (unsigned)(width * format->channels * format->bytes));
     CHECK(word_at(24) == (unsigned)depth && word_at(28) == 1);
     CHECK(word_at(80) == 0x4 && memcmp(bytes + 84, "DX10", 4) == 0);
-    CHECK(word_at(108) == (0x1000u | (layers > 1 ? 0x8u : 0)) && word_at(112) == (depth > 0 ? 0x200000u : 0));
+    CHECK(word_at(108) == (0x1000u | (layers > 1 ? 0x8u : 0)) &&
+          word_at(112) == (depth > 0   ? 0x200000u
+                           : cubes > 0 ? 0x200u + 0x400u + 0x800u + 0x1000u + 0x2000u + 0x4000u + 0x8000u
+                                       : 0));
     CHECK(word_at(128) == format->dxgi && word_at(132) == (depth > 0 ? 4u : 3u));
-    CHECK(word_at(140) == (layers > 1 ? (unsigned)layers : 1u) && word_at(144) == 2 && others_are_zero());
+    CHECK(word_at(136) == (cubes > 0 ? 4u : 0u)); /* the array counts cubes, not faces */
+    CHECK(word_at(140) == (unsigned)(cubes > 0 ? cubes : layers > 1 ? layers : 1));
+    CHECK(word_at(144) == 2 && others_are_zero(cubes > 0));
     check_values(format, numbers, count);
 }
 
 static void test_textures(void) {
     for (int i = 0; i < KNOWN; ++i) {
-        check_texture(&known[i], 7, 5, 0, 0);
-        check_texture(&known[i], 1, 1, 1, 0);
-        check_texture(&known[i], 3, 2, 4, 0);
-        check_texture(&known[i], 2, 3, 0, 5);
-        check_texture(&known[i], 5, 2, 0, 1);
+        check_texture(&known[i], 7, 5, 0, 0, 0);
+        check_texture(&known[i], 1, 1, 1, 0, 0);
+        check_texture(&known[i], 3, 2, 4, 0, 0);
+        check_texture(&known[i], 2, 3, 0, 5, 0);
+        check_texture(&known[i], 5, 2, 0, 1, 0);
+        check_texture(&known[i], 3, 3, 6, 0, 1);
+        check_texture(&known[i], 2, 2, 18, 0, 3);
     }
     CHECK((int)KNOWN == (int)EX_DDS_FORMATS);
 }
@@ -136,20 +143,24 @@ static void test_textures(void) {
 /* What is refused, and in which words; nothing is then written. */
 static void test_refusals(void) {
     static const struct {
-        int width, height, layers, depth, format;
+        int width, height, layers, depth, format, is_cube;
         const char *words;
-    } wrong[] = {{0, 1, 0, 0, 0, "0 x 1: sides must be within 1..16384"},
-                 {1, -1, 0, 0, 0, "1 x -1: sides"},
-                 {16385, 1, 0, 0, 0, "16385 x 1: sides must be within 1..16384"},
-                 {1, 16385, 0, 0, 0, "1 x 16385"},
-                 {2049, 1, 0, 1, 0, "2049 x 1: sides must be within 1..2048"},
-                 {1, 1, 0, 2049, 0, "2049 slices"},
-                 {1, 1, 0, -1, 0, "-1 slices"},
-                 {1, 1, 2049, 0, 0, "2049 layers"},
-                 {1, 1, -2, 0, 0, "-2 layers"},
-                 {1, 1, 2, 2, 0, "not both"},
-                 {1, 1, 0, 0, EX_DDS_FORMATS, "9 is no format"},
-                 {1, 1, 0, 0, -1, "-1 is no format"}};
+    } wrong[] = {{0, 1, 0, 0, 0, 0, "0 x 1: sides must be within 1..16384"},
+                 {1, -1, 0, 0, 0, 0, "1 x -1: sides"},
+                 {16385, 1, 0, 0, 0, 0, "16385 x 1: sides must be within 1..16384"},
+                 {1, 16385, 0, 0, 0, 0, "1 x 16385"},
+                 {2049, 1, 0, 1, 0, 0, "2049 x 1: sides must be within 1..2048"},
+                 {1, 1, 0, 2049, 0, 0, "2049 slices"},
+                 {1, 1, 0, -1, 0, 0, "-1 slices"},
+                 {1, 1, 2049, 0, 0, 0, "2049 layers"},
+                 {1, 1, -2, 0, 0, 0, "-2 layers"},
+                 {1, 1, 2, 2, 0, 0, "not both"},
+                 {1, 1, 0, 0, EX_DDS_FORMATS, 0, "9 is no format"},
+                 {1, 1, 0, 0, -1, 0, "-1 is no format"},
+                 {2, 2, 0, 0, 0, 1, "0 layers of 2 x 2: cube maps have six squares each"},
+                 {2, 2, 7, 0, 0, 1, "7 layers of 2 x 2: cube maps"},
+                 {3, 2, 6, 0, 0, 1, "6 layers of 3 x 2: cube maps"},
+                 {2, 2, 0, 6, 0, 1, "0 layers of 2 x 2: cube maps"}};
     char path[100];
     ex_error error;
     snprintf(path, sizeof path, "%s/none.dds", folder);
@@ -157,7 +168,7 @@ static void test_refusals(void) {
         ex_dds texture = {0};
         texture.texels = "", texture.width = wrong[i].width, texture.height = wrong[i].height;
         texture.layers = wrong[i].layers, texture.depth = wrong[i].depth;
-        texture.format = (ex_dds_format)wrong[i].format;
+        texture.format = (ex_dds_format)wrong[i].format, texture.is_cube = wrong[i].is_cube;
         error.text[0] = 0;
         CHECK(ex_write_dds(path, &texture, &error) == 1);
         if (!CHECK(strstr(error.text, wrong[i].words) && strstr(error.text, "none.dds: ")))
@@ -205,11 +216,11 @@ static void test_other_readers(void) {
     char line[100];
     if (!*pillow) printf("skipped: DDS by Pillow: install python3-pil\n");
     if (!magick) printf("skipped: DDS by ImageMagick: install imagemagick\n");
-    check_texture(&known[1], 7, 5, 0, 0);
+    check_texture(&known[1], 7, 5, 0, 0, 0);
     if (*pillow) check_reader("Pillow", pillow, 140);
     snprintf(line, sizeof line, "%s a.dds -depth 8 rgba:-", magick ? magick : "");
     if (magick) check_reader("ImageMagick", line, 140);
-    check_texture(&known[0], 7, 5, 0, 0);
+    check_texture(&known[0], 7, 5, 0, 0, 0);
     snprintf(line, sizeof line, "%s a.dds -depth 8 gray:-", magick ? magick : "");
     if (magick) check_reader("ImageMagick", line, 35);
 }

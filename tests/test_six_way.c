@@ -564,6 +564,8 @@ static void test_wrong_options(void) {
         {"six-way " GAS OUT "--shadow sheets --map-components 3", 2,
          "--map-components says nothing about --shadow sheets"},
         {"six-way " GAS OUT "--quality draft --no-shadows", 0, NULL},
+        {"six-way " GAS OUT "--layout cube", 2, "--layout cube is for maps, not for bake six-way"},
+        {"six-way " GAS OUT "--texels unorm16", 2, "--texels unorm16 is for maps, not for bake six-way"},
         {"six-way " GAS OUT "--look look.txt", 2, "look.txt:1: 'six' is not an option for a look"}};
     CHECK_COMPLAINTS(wrong);
 }
@@ -590,7 +592,13 @@ static void test_refused_options(void) {
                                         "--exr-type half",
                                         "--stats x.json",
                                         "--plan",
-                                        "--list-grids"};
+                                        "--list-grids",
+                                        "--convention unreal",
+                                        "--metres-per-unit 1",
+                                        "--border 1",
+                                        "--depths 1,2",
+                                        "--surfaces x.dds",
+                                        "--constants x.json"};
     for (size_t i = 0; i < sizeof given / sizeof *given; ++i) {
         char options[300], words[100];
         snprintf(options, sizeof options, "six-way " GAS OUT "%s", given[i]);

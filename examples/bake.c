@@ -1,9 +1,10 @@
 /* bake: textures for engines from what build/render renders: `bake six-way` makes the lightmaps of a card of smoke,
-   `bake map` a transmittance map, `bake cloud-shadow` the shadow maps of clouds over a terrain. They take render's
-   options for the scene. Exit status: 0 done; 1 a render failed; 2 an option or a file was wrong. The last two with one
-   line on stderr. */
+   `bake map` a transmittance map, `bake cloud-shadow` the shadow maps of clouds over a terrain, `bake impostor` a card
+   with normals and depths. They take render's options for the scene. Exit status: 0 done; 1 a render failed; 2 an
+   option or a file was wrong. The last two with one line on stderr. */
 
 #include "render_scene.h"
+#include "impostor.h"
 #include "map_texture.h"
 
 /* ======================================================================================= options of any command */
@@ -224,13 +225,13 @@ static int measure_frame(six_way *run, arguments *all, int frame, ex_error *erro
     return EX_OK;
 }
 
-/* A view of the gas of all frames, in a square. */
-static void make_card_view(const six_way *run, const arguments *all, sps_view *view) {
+/* A view of a box, in a square. */
+static void make_card_view(const double lo[3], const double hi[3], const arguments *all, sps_view *view) {
     memset(view, 0, sizeof *view);
     make_view(all, view);
     view->width = view->height = all->bake.tile;
     view->camera.field_of_view = 0;
-    ex_card_fit(run->lo, run->hi, has(all->given, "--camera"), &view->camera);
+    ex_card_fit(lo, hi, has(all->given, "--camera"), &view->camera);
 }
 
 static int has_light(const float emission[3]) { return emission[0] > 0 || emission[1] > 0 || emission[2] > 0; }
@@ -264,7 +265,7 @@ static int bake_loaded(six_way *run, arguments *all, const scene_arrays *arrays,
     sps_result result = SPS_OK;
     memset(&scene, 0, sizeof scene), memset(&light, 0, sizeof light);
     if (load_scene(all, arrays, &scene, error)) return EX_MISTAKEN;
-    make_card_view(run, all, &view);
+    make_card_view(run->lo, run->hi, all, &view);
     set_shadows(all, &light, 1);
     const ex_card_job job = {run->session.context, &scene, &view, &light};
     if (find_glow(all, arrays, 0)) result = ex_card_bake_glow(&job, &run->card, frame);
@@ -747,6 +748,169 @@ static int bake_cloud_shadow(settings *given, ex_error *error) {
     return bake_maps(&run, given, error);
 }
 
+/* ============================================================================================== the impostor */
+
+static const refusal refused_by_impostor[] = {{"--background", "there is nothing behind a card"},
+                                              {"--fov", "a card is seen in parallel; give --ortho"},
+                                              {"--width", "give --tile"},
+                                              {"--height", "give --tile"},
+                                              {"--region", "give --tile, --camera and --ortho"},
+                                              {"--reference", "it renders as render does without --reference"},
+                                              {"--samples", "it renders as render does without --reference"},
+                                              {"--budget-seconds", "give --quality"},
+                                              {"--budget-error", "give --quality"},
+                                              {"--out", "give --out-a and --out-b"},
+                                              {"--pfm", "give --out-a and --out-b"},
+                                              {"--alpha-pfm", "give --out-a and --out-b"},
+                                              {"--exr", "give --out-a and --out-b"},
+                                              {"--radiance-hdr", "give --out-a and --out-b"},
+                                              {"--exr-type", "give --texels"},
+                                              {"--stats", "render writes statistics"},
+                                              {"--plan", "render prints plans"},
+                                              {"--list-grids", "render lists grids"},
+                                              {"--layout", "its two textures have one"},
+                                              {"--tiles", "it bakes one frame"},
+                                              {"--frames", "it bakes one frame"},
+                                              {"--out-c", "it has two textures"},
+                                              {"--convention", "bake cloud-shadow has it"},
+                                              {"--metres-per-unit", "bake cloud-shadow has it"},
+                                              {"--border", "bake map has it"},
+                                              {"--depths", "bake map has it"},
+                                              {"--surfaces", "bake map has it"},
+                                              {"--constants", "bake map has it"},
+                                              {NULL, NULL}};
+
+static int check_impostor_file(const arguments *all, int number, ex_error *error) {
+    const char *path = all->bake.out[number], *option = out_names[number], *texels = texel_names[all->bake.texels];
+    if (!path) return ex_fail(error, "an impostor has two textures: give %s", option);
+    const int ending = ending_of(path);
+    if (ending == ENDINGS) return ex_fail(error, "%s %s: the name must end in .png, .exr or .dds", option, path);
+    if (has(all->given, "--texels") && ending != DDS && (ending == PNG) != (all->bake.texels == EX_CARD_UNORM8))
+        return ex_fail(error, "%s %s holds no --texels %s", option, path, texels);
+    if (number > 0 && ex_same_file(path, all->bake.out[0]))
+        return ex_fail(error, "%s and %s are the same file: %s", out_names[0], option, path);
+    return 0;
+}
+
+/* What needs no file. */
+static int check_impostor(const arguments *all, ex_error *error) {
+    const int has_exr = all->bake.out[0] && all->bake.out[1] &&
+                        (ending_of(all->bake.out[0]) == EXR || ending_of(all->bake.out[1]) == EXR);
+    if (check_refused(all, refused_by_impostor, "impostor", error)) return 1;
+    if (all->bake.texels > EX_CARD_FLOAT) return ex_fail(error, "--texels unorm16 is for maps, not for bake impostor");
+    if (shadow_is(all, "samples"))
+        return ex_fail(error, "--shadow samples says nothing about bake impostor: %s",
+                       "it renders as render does without --reference");
+    if (all->volume_count + all->particle_set_count + all->mesh_count == 0)
+        return ex_fail(error, "nothing to bake: give --volume, --particles or --mesh");
+    if (check_impostor_file(all, 0, error) || check_impostor_file(all, 1, error)) return 1;
+    if (has(all->given, "--exr-compression") && !has_exr)
+        return ex_fail(error, "--exr-compression says nothing without an .exr file");
+    return 0;
+}
+
+static int check_impostor_names(const arguments *all, ex_error *error) {
+    for (int i = 0; i < 2; ++i) {
+        const char *path = all->bake.out[i], *input = find_input(all, path);
+        if (input) return ex_fail(error, "%s %s is a file that %s reads", out_names[i], path, input);
+        if (ex_check_writable(path, error)) return 1;
+    }
+    return 0;
+}
+
+/* Writes the picture, or normals and depths. */
+static int write_impostor(const arguments *all, int number, const float *texels, ex_error *error) {
+    const char *path = all->bake.out[number];
+    const int ending = ending_of(path), zip = strcmp(exr_compression_names[all->exr_compression], "zip") == 0;
+    const int is_straight = strcmp(alpha_names[all->bake.alpha], "straight") == 0;
+    const ex_card_texel texel = ending == PNG ? EX_CARD_UNORM8 : (ex_card_texel)all->bake.texels;
+    ex_card card;
+    ex_card_texture texture;
+    memset(&card, 0, sizeof card), memset(&texture, 0, sizeof texture);
+    card.tile = all->bake.tile, card.columns = card.rows = 1;
+    texture.is_straight = is_straight, texture.layout.has_srgb = number == 0;
+    texture.layout.channels[0][3] = number == 0 ? EX_ALPHA : EX_ONE;
+    if (ending == PNG) return ex_card_write_png(path, &card, texture.layout.has_srgb, texels, error);
+    if (ending == EXR) return ex_card_write_exr(path, &card, texel == EX_CARD_FLOAT, zip, texels, error);
+    return ex_card_write_dds(path, &card, &texture, texel, texels, error);
+}
+
+/* Writes both textures. In 8 bits, -1 to 1 of normals becomes 0 to 1. */
+static int write_impostors(const arguments *all, const double range[2], float *rgba, const float *depths,
+                           const float *normals, ex_error *error) {
+    const size_t pixels = (size_t)all->bake.tile * (size_t)all->bake.tile;
+    const int is_unorm = ending_of(all->bake.out[1]) == PNG ||
+                         (ending_of(all->bake.out[1]) == DDS && all->bake.texels == EX_CARD_UNORM8);
+    float *texels = (float *)ex_allocate(pixels, 4 * sizeof *texels);
+    for (size_t i = 0; i < 4 * pixels; ++i)
+        if (i % 4 < 3) rgba[i] *= (float)all->bake.scale;
+    if (strcmp(alpha_names[all->bake.alpha], "straight") == 0)
+        ex_impostor_straight(rgba, all->bake.tile, texels);
+    else
+        memcpy(texels, rgba, 4 * pixels * sizeof *texels);
+    int failed = write_impostor(all, 0, texels, error);
+    for (size_t i = 0; i < pixels && !failed; ++i) {
+        for (size_t c = 0; c < 3; ++c)
+            texels[4 * i + c] = is_unorm ? 0.5f + 0.5f * normals[3 * i + c] : normals[3 * i + c];
+        texels[4 * i + 3] = ex_impostor_depth(depths[i], range);
+    }
+    failed = failed || write_impostor(all, 1, texels, error);
+    free(texels);
+    return failed ? EX_MISTAKEN : EX_OK;
+}
+
+static int render_impostor(arguments *all, const sps_scene *scene, const ex_map_aim *aim, ex_error *error) {
+    const size_t pixels = (size_t)all->bake.tile * (size_t)all->bake.tile;
+    double range[2], tangent;
+    ex_session session;
+    sps_view view;
+    sps_image image;
+    make_card_view(aim->lo, aim->hi, all, &view);
+    memset(&image, 0, sizeof image);
+    if (ex_map_measure(aim, &view.camera, range, &tangent, error)) return EX_MISTAKEN;
+    if (ex_session_begin(&session, all->threads, error)) return EX_FAILED;
+    image.rgba = (float *)ex_allocate(pixels, 4 * sizeof *image.rgba);
+    image.depth = (float *)ex_allocate(pixels, sizeof *image.depth);
+    float *normals = (float *)ex_allocate(pixels, 3 * sizeof *normals);
+    sps_result result = sps_render(session.context, scene, &view, &image);
+    if (result == SPS_OK) result = ex_impostor_normals(session.context, scene, &view, normals);
+    ex_progress_end(&session.progress);
+    const int status = result == SPS_OK ? write_impostors(all, range, image.rgba, image.depth, normals, error)
+                                        : explain(all, &session, result, error);
+    ex_session_end(&session);
+    free(image.rgba), free(image.depth), free(normals);
+    return status;
+}
+
+static int load_impostor(arguments *all, const scene_arrays *arrays, ex_error *error) {
+    sps_scene scene;
+    ex_map_aim aim;
+    memset(&scene, 0, sizeof scene), memset(&aim, 0, sizeof aim);
+    if (load_scene(all, arrays, &scene, error)) return EX_MISTAKEN;
+    if (!find_bounds(all, aim.lo, aim.hi)) {
+        ex_fail(error, "nothing to bake: the scene is empty");
+        return EX_MISTAKEN;
+    }
+    return render_impostor(all, &scene, &aim, error);
+}
+
+static int bake_impostor(settings *given, ex_error *error) {
+    arguments all;
+    scene_arrays arrays;
+    int status = EX_MISTAKEN;
+    if (asks_for_help(given)) return help("bake impostor [options]", refused_by_impostor, none_refused);
+    begin_arguments(&all, given);
+    begin_scene(&arrays, given);
+    if (!apply_settings(&all, error) && !check_impostor(&all, error) && !find_volumes(&all, error) &&
+        !check_scene_options(&all, error) && !check_impostor_names(&all, error)) {
+        tell_backgrounds(&all);
+        status = load_impostor(&all, &arrays, error);
+    }
+    free_scene(&arrays);
+    free_arguments(&all);
+    return status;
+}
+
 /* ============================================================================================== the program */
 
 /* What stands first on the command line. */
@@ -755,7 +919,8 @@ static const struct {
     int (*run_fn)(settings *given, ex_error *error);
 } commands[] = {{"six-way", "lightmaps of a card of smoke, for engines that light it from six sides", bake_six_way},
                 {"map", "a transmittance map: what of one light reaches any point", bake_map},
-                {"cloud-shadow", "maps of what of the sun passes clouds, over a terrain", bake_cloud_shadow}};
+                {"cloud-shadow", "maps of what of the sun passes clouds, over a terrain", bake_cloud_shadow},
+                {"impostor", "a card that stands for a scene: color and alpha; normals and depths", bake_impostor}};
 
 enum { COMMANDS = sizeof commands / sizeof *commands };
 

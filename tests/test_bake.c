@@ -2,6 +2,7 @@
    by readers that know nothing of the writers, the Beer shadow map of Unreal, tiles that meet, and the command line. */
 
 #include "check.h"
+#include "impostor.h"
 #include "map_texture.h"
 #include "mesh.h"
 #include "particles.h"
@@ -25,21 +26,24 @@ static unsigned word_at(size_t place) {
     return (unsigned)at[0] | (unsigned)at[1] << 8 | (unsigned)at[2] << 16 | (unsigned)at[3] << 24;
 }
 
-/* Formats by their numbers in Microsoft's list. */
-static dds_file read_dds(const char *name) {
-    static const int known[8][3] = {{2, 4, 4},  {10, 4, 2}, {11, 4, 2}, {28, 4, 1},
+/* Formats by their numbers in Microsoft's list; and what the last channel is. */
+static dds_file read_alpha(const char *name, unsigned alpha) {
+    static const int known[9][3] = {{2, 4, 4},  {10, 4, 2}, {11, 4, 2}, {28, 4, 1}, {29, 4, 1},
                                     {41, 1, 4}, {54, 1, 2}, {56, 1, 2}, {61, 1, 1}};
     dds_file file = {0};
     data_size = (size_t)read_file(name, data, sizeof data);
     if (!CHECK(data_size > 148 && memcmp(data, "DDS ", 4) == 0 && memcmp(data + 84, "DX10", 4) == 0)) return file;
     file.height = word_at(12), file.width = word_at(16), file.depth = word_at(24), file.caps = word_at(112);
     file.dxgi = word_at(128), file.flags = word_at(136), file.array = word_at(140);
-    for (int i = 0; i < 8; ++i)
+    for (int i = 0; i < 9; ++i)
         if (known[i][0] == (int)file.dxgi) file.channels = known[i][1], file.bytes = known[i][2];
-    CHECK(file.bytes > 0 && word_at(144) == 4);
+    CHECK(file.bytes > 0 && word_at(144) == alpha);
     file.count = file.bytes ? (data_size - 148) / (size_t)file.bytes : 0;
     return file;
 }
+
+/* Its last channel is no alpha. */
+static dds_file read_dds(const char *name) { return read_alpha(name, 4); }
 
 static double half_of(unsigned bits) {
     const int exponent = (int)(bits >> 10 & 31), digits = (int)(bits & 1023);
@@ -509,6 +513,141 @@ static void test_constants(void) {
         free(texture.texels);
         sps_tmap_destroy(map);
     }
+    sps_destroy(context);
+}
+
+/* ----------------------------------------------------------------------------------------------------- the impostor */
+
+enum { CARD = 17 };
+
+static void see_card(check_scene *s) {
+    check_clear(s, CARD, CARD);
+    check_set3(s->view.camera.position, 0, 0, 5);
+    s->view.camera.ortho_height = 2;
+}
+
+static void find_normals(const check_scene *s, float *normals) {
+    sps_context *context = check_context(NULL);
+    memset(normals, 0, 3 * CARD * CARD * sizeof *normals);
+    CHECK_OK(context, ex_impostor_normals(context, &s->scene, &s->view, normals));
+    sps_destroy(context);
+}
+
+/* A ball of radius 1, with the middle of a pixel at x, y. The gradient is at its rim: at the front, where T is 1, and
+   at the back, where it is e^-t: (1 + T) x, (1 + T) y, (1 - T) z. Gas in a slab counts as mixed. Where T matters, slabs
+   are 0.02 * 0.7 of the radius, by which the normal may be off; otherwise the default holds the ball's front. Particles
+   that glow absorb 2^-14; of d, depth in a step of 1/16 pixel, rounding takes 1e-6 / d. */
+static void test_ball_normals(void) {
+    static const double depths[] = {0.5, 2, 20, 200};
+    static float normals[3 * CARD * CARD];
+    for (int n = 0; n < 4; ++n) {
+        sps_particle ball = {{0, 0, 0}, 1, (float)depths[n], {0, 0, 0}};
+        sps_particles set;
+        check_scene s;
+        double worst = 0;
+        see_card(&s);
+        memset(&set, 0, sizeof set);
+        set.count = 1, set.read_fn = check_read_particles, set.user = &ball;
+        set.albedo[0] = 1, set.emission[1] = 3; /* which count for nothing */
+        s.scene.particles = &set, s.scene.particle_set_count = 1;
+        s.view.slab_thickness = depths[n] < 10 ? 0.02 : 0;
+        find_normals(&s, normals);
+        const double d = 0.5 * depths[n] * 2.0 / CARD / 16, most = 1e-6 / d + (depths[n] < 10 ? 0.014 : 2.0 / 16384);
+        for (int i = 0; i < CARD * CARD; ++i) {
+            const double x = (i % CARD - CARD / 2) * 2.0 / CARD, y = (CARD / 2 - i / CARD) * 2.0 / CARD;
+            const double r = x * x + y * y, z = sqrt(fmax(1 - r, 0)), through = exp(-depths[n] * z);
+            const ex_vec exact = ex_vec_unit(ex_vec_of((1 + through) * x, (1 + through) * y, (1 - through) * z));
+            const float *to = normals + 3 * i;
+            const ex_vec found = ex_vec_of((double)to[0], (double)to[1], (double)to[2]);
+            if (r < 0.64) worst = fmax(worst, ex_vec_length(ex_vec_sub(found, exact)));
+            if (r > 1.1) CHECK(to[0] == 0 && to[1] == 0 && to[2] == 1);
+        }
+        if (figures()) printf("ball of %g: normals off by %.2g, allowed %.2g\n", depths[n], worst, most);
+        CHECK(worst < most);
+    }
+}
+
+/* Extinction 2 (1 + x) in a cube: inside, the gradient is 2 along x; at the front and the back face, extinction falls
+   to 0 along z. Both are weighted alike, by 1 - e^-4: at x = 0, the normal is -2 : 0 : 2^2. Kernels turn faces into
+   ramps of up to four voxels of 2/128. A ramp of depth t has a sixth of t less of extinction squared than it should: 2
+   % of z. */
+static int ramp(void *user, const int lo[3], const int size[3], float *out) {
+    (void)user;
+    for (int k = 0; k < size[2]; ++k)
+        for (int j = 0; j < size[1]; ++j)
+            for (int i = 0; i < size[0]; ++i) *out++ = (float)((lo[0] + i + 0.5) / 16);
+    return 0;
+}
+
+static void test_ramp_normals(void) {
+    static const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0, {0, 0, 0}}, {1, {1, 0, 1}, 4, {5, 5, 5}}};
+    static float plain[3 * CARD * CARD], classified[3 * CARD * CARD], turned[3 * CARD * CARD];
+    const sps_transfer transfer = {points, 2, NULL, NULL, 0};
+    const int middle = 3 * (CARD * (CARD / 2) + CARD / 2);
+    check_scene s;
+    double worst = 0;
+    see_card(&s);
+    sps_volume *volume = check_add_volume(&s, 16, 16, 128, check_box(-1, -1, -1, 1, 1, 1));
+    volume->read_fn = ramp, volume->extinction = 4, s.view.slab_thickness = 0.2;
+    find_normals(&s, plain);
+    if (figures())
+        printf("ramp: %.4f %.4f %.4f\n", (double)plain[middle], (double)plain[middle + 1], (double)plain[middle + 2]);
+    CHECK_NEAR((double)plain[middle], -2 / sqrt(20), 0.02), CHECK_NEAR((double)plain[middle + 2], 4 / sqrt(20), 0.02);
+    CHECK_NEAR((double)plain[middle + 1], 0, 1e-4);
+    volume->transfer = &transfer;
+    find_normals(&s, classified);
+    for (int i = 0; i < 3 * CARD * CARD; ++i) { /* values end where kernels smooth extinction */
+        const int x = i / 3 % CARD, y = i / 3 / CARD;
+        if (x > CARD / 3 && x < CARD - CARD / 3 && y > CARD / 3 && y < CARD - CARD / 3)
+            worst = fmax(worst, fabs((double)plain[i] - (double)classified[i]));
+    }
+    if (figures()) printf("ramp: with a transfer function %.2g\n", worst);
+    CHECK(worst < 0.02);
+    /* The card's axes turn with its camera. */
+    volume->transfer = NULL, s.view.camera.up[0] = 1, s.view.camera.up[1] = 0;
+    find_normals(&s, turned);
+    CHECK_NEAR((double)turned[middle + 1], (double)plain[middle], 1e-3);
+    CHECK_NEAR((double)turned[middle], 0, 1e-4);
+}
+
+/* An opaque polygon hides gas, and has no gradient of it. */
+static void test_hidden_normals(void) {
+    static const double origin[3] = {-1, -1, 1}, u[3] = {1, 0, 0}, v[3] = {0, 2, 0};
+    static float normals[3 * CARD * CARD];
+    check_triangles wall;
+    check_scene s;
+    int bent = 0;
+    memset(&wall, 0, sizeof wall);
+    see_card(&s);
+    check_add_swarm(&s, 3);
+    check_add_quad(&wall, origin, u, v);
+    check_add_mesh(&s, &wall, 0.5);
+    find_normals(&s, normals);
+    for (int i = 0; i < CARD * CARD; ++i) {
+        const float *n = normals + 3 * i;
+        if (i % CARD < CARD / 2) CHECK(n[0] == 0 && n[1] == 0 && n[2] == 1);
+        bent += i % CARD > CARD / 2 && n[2] < 0.9f;
+        CHECK_NEAR(sqrt(pow((double)n[0], 2) + pow((double)n[1], 2) + pow((double)n[2], 2)), 1, 1e-6);
+    }
+    CHECK(bent > 5);
+    check_free_triangles(&wall);
+}
+
+/* Straight colors, also beside what has alpha; depths; failures. */
+static void test_impostor_numbers(void) {
+    static const float rgba[16] = {0.5f, 0.25f, 0, 0.5f, 9, 9, 9, 0, 1, 0, 2, 1, 0, 0, 0, 0};
+    static const float straight[16] = {1, 0.5f, 0, 0.5f, 1, 0.25f, 1, 0, 1, 0, 2, 1, 1, 0.25f, 1, 0};
+    static const double range[2] = {2, 4};
+    float out[16], normals[3 * CARD * CARD];
+    sps_context *context = check_context(NULL);
+    check_scene s;
+    see_card(&s);
+    ex_impostor_straight(rgba, 2, out);
+    CHECK(memcmp(out, straight, sizeof out) == 0);
+    CHECK(ex_impostor_depth(2.5f, range) == 0.25f && ex_impostor_depth(1, range) == 0);
+    CHECK(ex_impostor_depth(5, range) == 1 && ex_impostor_depth((float)HUGE_VAL, range) == 1);
+    check_add_puff(&s, NAN);
+    CHECK(ex_impostor_normals(context, &s.scene, &s.view, normals) == SPS_ERROR_ARGUMENT);
     sps_destroy(context);
 }
 
@@ -1012,18 +1151,104 @@ static void test_help(void) {
     for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n")) CHECK(strlen(line) <= 120);
 }
 
+/* ---------------------------------------------------------------------------------------------------- bake impostor */
+
+#define CARDS "impostor --particles ball.f32 --light directional,-1,0,-1,1,1,1 --tile 9 "
+#define PAIR  "--out-a a.dds --out-b b.dds "
+
+static void test_wrong_impostors(void) {
+    static const complaint wrong[] = {
+        {CARDS "--out-b b.dds", 2, "an impostor has two textures: give --out-a"},
+        {CARDS "--out-a a.dds", 2, "an impostor has two textures: give --out-b"},
+        {CARDS "--out-a a.dds --out-b b.tif", 2, "--out-b b.tif: the name must end in .png, .exr or .dds"},
+        {CARDS "--out-a a.dds --out-b a.dds", 2, "--out-a and --out-b are the same file: a.dds"},
+        {CARDS "--out-a a.dds --out-b b.png --texels half", 2, "--out-b b.png holds no --texels half"},
+        {CARDS PAIR "--texels unorm16", 2, "--texels unorm16 is for maps, not for bake impostor"},
+        {CARDS PAIR "--exr-compression none", 2, "--exr-compression says nothing without an .exr file"},
+        {CARDS PAIR "--shadow samples", 2, "--shadow samples says nothing about bake impostor"},
+        {CARDS "--out-a missing/a.dds --out-b b.dds", 2, "missing/a.dds: cannot be written"},
+        {"impostor --volume v.dds --size 2,2,2 --out-a v.dds --out-b b.dds", 2,
+         "--out-a v.dds is a file that --volume"},
+        {"impostor " PAIR, 2, "nothing to bake: give --volume, --particles or --mesh"},
+        {"impostor --particles none.f32 " PAIR, 2, "nothing to bake: the scene is empty"},
+        {CARDS "--out-a full.dds --out-b b.dds", 2, "full.dds: writing failed: No space"},
+        {CARDS "--out-a a.dds --out-b full.dds", 2, "full.dds: writing failed: No space"}};
+    static const char *const given[] = {
+        "--background 1,1,1", "--fov 9",        "--width 4",        "--reference",
+        "--out x.png",        "--stats x.json", "--plan",           "--layout unity",
+        "--tiles 2,2",        "--frames 1,2",   "--out-c c.dds",    "--convention unreal",
+        "--border 1",         "--depths 1,2",   "--surfaces s.dds", "--constants c.json"};
+    CHECK_COMPLAINTS(wrong);
+    for (size_t i = 0; i < sizeof given / sizeof *given; ++i) {
+        char options[300], words[100];
+        snprintf(options, sizeof options, CARDS PAIR "%s", given[i]);
+        snprintf(words, sizeof words, "%.*s says nothing about bake impostor: ", (int)strcspn(given[i], " "), given[i]);
+        const complaint one = {options, 2, words};
+        check_complaints(&one, 1);
+    }
+}
+
+/* The picture has render's bits. Depths run through the box along the view: a dense ball of radius 1 begins there at 0
+   in the middle; its camera is 6 in front of its middle. */
+static void test_impostor(void) {
+    static const complaint made[] = {
+        {CARDS PAIR "--texels float --alpha premultiplied --scale 2", 0, NULL},
+        {CARDS "--texels unorm8 --alpha premultiplied --out-a c.dds --out-b d.dds", 0, NULL},
+        {CARDS "--texels half --out-a c.exr --out-b d.dds", 0, NULL}};
+    static const complaint lit = {
+        "--particles ball.f32 --light directional,-1,0,-1,1,1,1 --width 9 --height 9 --camera "
+        "0,0,6,0,0,0 --ortho 2 --pfm x.pfm",
+        0, NULL};
+    static char pfm[2000];
+    static double a[324];
+    int wrong = 0;
+    check_complaints(made, 1);
+    dds_file file = read_alpha("a.dds", 2);
+    if (!CHECK(file.count == 324 && file.dxgi == 2)) return;
+    for (size_t i = 0; i < 324; ++i) a[i] = number_at(&file, i);
+    tested = "render";
+    check_complaints(&lit, 1);
+    tested = "bake";
+    CHECK(read_file("x.pfm", pfm, sizeof pfm) == 12 + 972);
+    for (int i = 0; i < 81; ++i)
+        for (int c = 0; c < 3; ++c) { /* PFM has the bottom row first */
+            float value;
+            memcpy(&value, pfm + 12 + 12 * ((8 - i / 9) * 9 + i % 9) + 4 * c, 4);
+            wrong += (double)(2 * value) != a[4 * i + c];
+        }
+    CHECK(wrong == 0 && a[4 * 32] > 0.01 && a[3] == 0);
+    file = read_dds("b.dds");
+    if (!CHECK(file.count == 324 && file.dxgi == 2)) return;
+    CHECK_NEAR(number_at(&file, 4 * 40 + 3), 0.5 / 20, 1e-3); /* the mean depth of light, 1 / 20, of 2 */
+    CHECK(number_at(&file, 3) == 1 && number_at(&file, 2) == 1);
+    CHECK_NEAR(number_at(&file, 4 * 42), 2 * 2 / 9.0, 2e-4); /* x of the surface, and so of the normal */
+    CHECK_NEAR(number_at(&file, 4 * 22 + 1), 2 * 2 / 9.0, 2e-4);
+    const double normal = number_at(&file, 4 * 42), depth = number_at(&file, 4 * 42 + 3);
+    check_complaints(made + 1, 2);
+    file = read_alpha("c.dds", 2);
+    CHECK(file.dxgi == 29 && file.count == 324); /* sRGB */
+    read_dds("d.dds");
+    CHECK(word_at(128) == 10); /* of the third command */
+    check_complaints(made + 1, 1);
+    file = read_dds("d.dds");
+    CHECK_NEAR(number_at(&file, 4 * 42), 0.5 + 0.5 * normal, 0.5001 / 255);
+    CHECK_NEAR(number_at(&file, 4 * 42 + 3), depth, 0.5001 / 255);
+    CHECK(file.dxgi == 28);
+}
+
 static void write_inputs(void) {
     static const float balls[3][5] = {{0, 0, 0, 0.5f, 1}, {0.9f, 0.3f, 0.2f, 0.25f, 2}, {-0.5f, 0.6f, -0.4f, 0.3f, 1}};
     static const float two[2][5] = {{0, 0, -30600, 7500, 2}, {0, 0, 30600, 7500, 2}};
     static const char polygons[] = "v -1 -1.2 -1\nv 1 -1.2 -1\nv 1 -1.2 1\nv -1 -1.2 1\nf 1 2 3 4\n"
                                    "v 0 0.9 0\nv 0.5 0.9 0\nv 0 0.9 0.5\nf 5 6 7\n";
-    static const float not_a_number = NAN;
+    static const float not_a_number = NAN, ball[5] = {0, 0, 0, 1, 40};
     static unsigned char full[512];
     unsigned char cloud[512];
     memset(full, 255, sizeof full);
     for (int i = 0; i < 512; ++i) cloud[i] = (unsigned char)(100 + i * 37 % 151);
     write_file("c.raw", cloud, sizeof cloud), write_file("full.raw", full, sizeof full);
     write_file("balls.f32", balls, sizeof balls), write_file("two.f32", two, sizeof two);
+    write_file("ball.f32", ball, sizeof ball);
     write_file("none.f32", "", 0), write_file("q.obj", polygons, sizeof polygons - 1);
     write_file("v.dds", cloud, 8), write_file("nan.raw", &not_a_number, 4);
 }
@@ -1047,6 +1272,8 @@ static void test_command_line(void) {
     RUN(test_remarks);
     RUN(test_full_disk);
     RUN(test_help);
+    RUN(test_wrong_impostors);
+    RUN(test_impostor);
 }
 
 int main(void) {
@@ -1060,6 +1287,10 @@ int main(void) {
     RUN(test_exr);
     RUN(test_png);
     RUN(test_constants);
+    RUN(test_ball_normals);
+    RUN(test_ramp_normals);
+    RUN(test_hidden_normals);
+    RUN(test_impostor_numbers);
     if (!check_memory_only()) test_command_line(); /* which is no program with sanitizers */
     folder_end();
     return check_report();

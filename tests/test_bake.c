@@ -535,7 +535,7 @@ static void find_normals(const check_scene *s, float *normals) {
 
 /* A ball of radius 1, with the middle of a pixel at x, y. The gradient is at its rim: at the front, where T is 1, and
    at the back, where it is e^-t: (1 + T) x, (1 + T) y, (1 - T) z. Gas in a slab counts as mixed. Where T matters, slabs
-   are 0.02 * 0.7 of the radius, by which the normal may be off; otherwise the default holds the ball's front. Particles
+   are 0.04 * 0.7 of the radius, by which the normal may be off; otherwise the default holds the ball's front. Particles
    that glow absorb 2^-14; of d, depth in a step of 1/16 pixel, rounding takes 1e-6 / d. */
 static void test_ball_normals(void) {
     static const double depths[] = {0.5, 2, 20, 200};
@@ -550,9 +550,9 @@ static void test_ball_normals(void) {
         set.count = 1, set.read_fn = check_read_particles, set.user = &ball;
         set.albedo[0] = 1, set.emission[1] = 3; /* which count for nothing */
         s.scene.particles = &set, s.scene.particle_set_count = 1;
-        s.view.slab_thickness = depths[n] < 10 ? 0.02 : 0;
+        s.view.slab_thickness = depths[n] < 10 ? 0.04 : 0;
         find_normals(&s, normals);
-        const double d = 0.5 * depths[n] * 2.0 / CARD / 16, most = 1e-6 / d + (depths[n] < 10 ? 0.014 : 2.0 / 16384);
+        const double d = 0.5 * depths[n] * 2.0 / CARD / 16, most = 1e-6 / d + (depths[n] < 10 ? 0.028 : 2.0 / 16384);
         for (int i = 0; i < CARD * CARD; ++i) {
             const double x = (i % CARD - CARD / 2) * 2.0 / CARD, y = (CARD / 2 - i / CARD) * 2.0 / CARD;
             const double r = x * x + y * y, z = sqrt(fmax(1 - r, 0)), through = exp(-depths[n] * z);
@@ -937,6 +937,7 @@ static void test_fitted(void) {
         CHECK_NEAR(json_at(text, ".faces[0].near_depth"), ends[0] - span / slack, 1e-5);
         CHECK_NEAR(json_at(text, ".faces[0].far_depth"), ends[1] + span / slack, 1e-5);
         if (n < 3) CHECK_NEAR(edge, 0.5, 1e-4);
+        CHECK((int)json_at(text, ".faces[0].cubic") == (n != 1)); /* the library's default is cubic */
         if (n == 3) CHECK_NEAR(0.5 * (high[0] - low[0]), 4.5 * 1.5 / 3.5 / tan(15 * EX_PI / 180), 1e-4);
         if (n == 4)
             CHECK_NEAR(sqrt(pow(json_at(text, ".faces[0].row_x[0]"), 2) + pow(json_at(text, ".faces[0].row_x[1]"), 2) +

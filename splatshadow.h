@@ -1092,8 +1092,8 @@ SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 /* Takes particles out of a finished map and adds others, in time proportional to these: for OPACITY and MOMENT maps,
    and FOURIER without texel_range. Both scenes have particles alone; either may be NULL. Removed particles must be as
    they were added. Callbacks are called before this returns. Optical depths drift by about 1e-7 of the largest per
-   update. After a failure other than ARGUMENT and UNSUPPORTED, the map can only be destroyed. Errors: ARGUMENT (not finished; a
-   field of a scene), UNSUPPORTED (other techniques; volumes or meshes), and all of sps_tmap_finish's. */
+   update. After a failure other than ARGUMENT and UNSUPPORTED, the map can only be destroyed. Errors: ARGUMENT (not
+   finished; a field of a scene), UNSUPPORTED (other techniques; volumes or meshes), and all of sps_tmap_finish's. */
 SPS_API sps_result sps_tmap_update(sps_tmap *map, const sps_scene *removed, const sps_scene *added);
 
 /* Writes optical depth and transmittance between the light and each of `count` world positions (packed triples); either

@@ -1,10 +1,11 @@
 /* bake: textures for engines from what build/render renders: `bake six-way` makes the lightmaps of a card of smoke,
    `bake map` a transmittance map, `bake cloud-shadow` the shadow maps of clouds over a terrain, `bake impostor` a card
-   with normals and depths. They take render's options for the scene. Exit status: 0 done; 1 a render failed; 2 an
-   option or a file was wrong. The last two with one line on stderr. */
+   with normals and depths, `bake light-volume` a grid of light probes. They take render's options for the scene. Exit
+   status: 0 done; 1 a render failed; 2 an option or a file was wrong. The last two with one line on stderr. */
 
 #include "render_scene.h"
 #include "impostor.h"
+#include "light_volume.h"
 #include "map_texture.h"
 
 /* ======================================================================================= options of any command */
@@ -88,6 +89,7 @@ static const refusal refused[] = {{"--light", "its lights are one on each of six
                                   {"--depths", "bake map has it"},
                                   {"--surfaces", "bake map has it"},
                                   {"--constants", "bake map has it"},
+                                  {"--probes", "bake light-volume has it"},
                                   {NULL, NULL}};
 
 static const char *const out_names[EX_CARD_TEXTURES] = {"--out-a", "--out-b", "--out-c"};
@@ -410,6 +412,7 @@ static const refusal refused_by_maps[] = {{"--ambient", "a map holds transmittan
                                           {"--out-a", "give --out"},
                                           {"--out-b", "give --surfaces"},
                                           {"--out-c", "give --out"},
+                                          {"--probes", "bake light-volume has it"},
                                           {NULL, NULL}};
 static const refusal refused_by_map[] = {{"--tiles", "bake cloud-shadow has it"},
                                          {"--convention", "bake cloud-shadow has it"},
@@ -778,6 +781,7 @@ static const refusal refused_by_impostor[] = {{"--background", "there is nothing
                                               {"--depths", "bake map has it"},
                                               {"--surfaces", "bake map has it"},
                                               {"--constants", "bake map has it"},
+                                              {"--probes", "bake light-volume has it"},
                                               {NULL, NULL}};
 
 static int check_impostor_file(const arguments *all, int number, ex_error *error) {
@@ -911,6 +915,141 @@ static int bake_impostor(settings *given, ex_error *error) {
     return status;
 }
 
+/* ========================================================================================== the light volume */
+
+static const refusal refused_by_light_volume[] = {{"--camera", "it has light from all sides"},
+                                                  {"--fov", "it has light from all sides"},
+                                                  {"--ortho", "it has light from all sides"},
+                                                  {"--width", "give --probes"},
+                                                  {"--height", "give --probes"},
+                                                  {"--region", "give --probes"},
+                                                  {"--background", "it has the share of the sky that is seen"},
+                                                  {"--coverage", "it is no picture"},
+                                                  {"--slab-thickness", "probes need no slabs"},
+                                                  {"--shadow-resolution", "probes need no shadow maps"},
+                                                  {"--map-components", "probes need no shadow maps"},
+                                                  {"--map-resolution", "probes need no shadow maps"},
+                                                  {"--table-size", "probes need no shadow maps"},
+                                                  {"--map-epsilon", "probes need no shadow maps"},
+                                                  {"--map-cubic", "probes need no shadow maps"},
+                                                  {"--map-texel-range", "probes need no shadow maps"},
+                                                  {"--filling", "probes need no slabs"},
+                                                  {"--tolerance", "it is no picture"},
+                                                  {"--reference", "it is no picture"},
+                                                  {"--samples", "it is no picture"},
+                                                  {"--budget-seconds", "give --quality"},
+                                                  {"--budget-error", "give --quality"},
+                                                  {"--pfm", "give --out"},
+                                                  {"--alpha-pfm", "give --out"},
+                                                  {"--exr", "give --out"},
+                                                  {"--exr-type", "give --texels"},
+                                                  {"--exr-compression", "it writes .dds or .npy"},
+                                                  {"--radiance-hdr", "give --out"},
+                                                  {"--stats", "render writes statistics"},
+                                                  {"--plan", "render prints plans"},
+                                                  {"--list-grids", "render lists grids"},
+                                                  {"--layout", "it has one layout"},
+                                                  {"--tile", "give --probes"},
+                                                  {"--tiles", "give --probes"},
+                                                  {"--frames", "it bakes one frame"},
+                                                  {"--alpha", "its alpha is visibility of the sky"},
+                                                  {"--scale", "it has radiance as it is"},
+                                                  {"--out-a", "give --out"},
+                                                  {"--out-b", "give --out"},
+                                                  {"--out-c", "give --out"},
+                                                  {"--convention", "bake cloud-shadow has it"},
+                                                  {"--metres-per-unit", "bake cloud-shadow has it"},
+                                                  {"--border", "bake map has it"},
+                                                  {"--depths", "bake map has it"},
+                                                  {"--surfaces", "bake map has it"},
+                                                  {"--constants", "bake map has it"},
+                                                  {NULL, NULL}};
+
+/* What needs no file. */
+static int check_light_volume(const arguments *all, ex_error *error) {
+    const char *path = all->out, *texels = texel_names[all->bake.texels];
+    if (check_refused(all, refused_by_light_volume, "light-volume", error)) return 1;
+    if (!shadow_is(all, "auto") && !shadow_is(all, "none"))
+        return ex_fail(error, "--shadow %s says nothing about bake light-volume: probes need no shadow maps",
+                       shadow_names[all->shadow]);
+    if (all->bake.texels != EX_CARD_HALF && all->bake.texels != EX_CARD_FLOAT)
+        return ex_fail(error, "--texels %s: bake light-volume has half or float", texels);
+    if (all->volume_count + all->particle_set_count + all->mesh_count == 0)
+        return ex_fail(error, "nothing to bake: give --volume, --particles or --mesh");
+    if (!path) return ex_fail(error, "nothing to write: give --out");
+    if (!ends_with(path, ".dds") && !ends_with(path, ".npy"))
+        return ex_fail(error, "--out %s: the name must end in .dds or .npy", path);
+    if (has(all->given, "--texels") && ends_with(path, ".npy") && all->bake.texels != EX_CARD_FLOAT)
+        return ex_fail(error, "--out %s holds no --texels %s", path, texels);
+    return 0;
+}
+
+static int check_light_volume_name(const arguments *all, ex_error *error) {
+    const char *input = find_input(all, all->out);
+    if (input) return ex_fail(error, "--out %s is a file that %s reads", all->out, input);
+    return ex_check_writable(all->out, error);
+}
+
+/* Writes the file, and says where its probes are: seventeen digits tell all doubles apart. */
+static int write_light_volume(const arguments *all, const ex_light_volume *volume, ex_error *error) {
+    const int is_dds = ends_with(all->out, ".dds"), is_float = all->bake.texels == EX_CARD_FLOAT;
+    const size_t beyond = is_dds && !is_float ? ex_light_volume_beyond(volume) : 0;
+    const double *o = volume->origin, *s = volume->spacing;
+    if (is_dds ? ex_light_volume_write_dds(all->out, volume, is_float, error)
+               : ex_light_volume_write_npy(all->out, volume, error))
+        return EX_MISTAKEN;
+    if (beyond > 0)
+        fprintf(stderr, "bake: %s: %zu numbers exceed 65504, and become it: --texels float keeps them\n",
+                ex_quoted(all->out).text, beyond);
+    printf("probes %d,%d,%d lights %d origin %.17g,%.17g,%.17g spacing %.17g,%.17g,%.17g\n", volume->count[0],
+           volume->count[1], volume->count[2], volume->lights, o[0], o[1], o[2], s[0], s[1], s[2]);
+    return EX_OK;
+}
+
+static int load_light_volume(arguments *all, const scene_arrays *arrays, ex_error *error) {
+    double lo[3], hi[3];
+    sps_scene scene;
+    sps_view view;
+    ex_session session;
+    ex_light_volume volume;
+    memset(&scene, 0, sizeof scene), memset(&view, 0, sizeof view), memset(&volume, 0, sizeof volume);
+    if (load_scene(all, arrays, &scene, error)) return EX_MISTAKEN;
+    if (!find_bounds(all, lo, hi)) {
+        ex_fail(error, "nothing to bake: the scene is empty");
+        return EX_MISTAKEN;
+    }
+    volume.lights = scene.light_count;
+    if (ex_light_volume_fit(lo, hi, has(all->given, "--probes") ? all->bake.probes : NULL, &volume, error) ||
+        ex_light_volume_check(all->out, &volume, ends_with(all->out, ".dds"), error))
+        return EX_MISTAKEN;
+    if (ex_session_begin(&session, all->threads, error)) return EX_FAILED;
+    make_view(all, &view);
+    const sps_result result = ex_light_volume_compute(session.context, &scene, &view, &volume);
+    ex_progress_end(&session.progress);
+    const int status =
+        result == SPS_OK ? write_light_volume(all, &volume, error) : explain(all, &session, result, error);
+    ex_session_end(&session);
+    ex_light_volume_free(&volume);
+    return status;
+}
+
+static int bake_light_volume(settings *given, ex_error *error) {
+    arguments all;
+    scene_arrays arrays;
+    int status = EX_MISTAKEN;
+    if (asks_for_help(given)) return help("bake light-volume [options]", refused_by_light_volume, none_refused);
+    begin_arguments(&all, given);
+    begin_scene(&arrays, given);
+    if (!apply_settings(&all, error) && !check_light_volume(&all, error) && !find_volumes(&all, error) &&
+        !check_scene_options(&all, error) && !check_light_volume_name(&all, error)) {
+        tell_backgrounds(&all);
+        status = load_light_volume(&all, &arrays, error);
+    }
+    free_scene(&arrays);
+    free_arguments(&all);
+    return status;
+}
+
 /* ============================================================================================== the program */
 
 /* What stands first on the command line. */
@@ -920,7 +1059,8 @@ static const struct {
 } commands[] = {{"six-way", "lightmaps of a card of smoke, for engines that light it from six sides", bake_six_way},
                 {"map", "a transmittance map: what of one light reaches any point", bake_map},
                 {"cloud-shadow", "maps of what of the sun passes clouds, over a terrain", bake_cloud_shadow},
-                {"impostor", "a card that stands for a scene: color and alpha; normals and depths", bake_impostor}};
+                {"impostor", "a card that stands for a scene: color and alpha; normals and depths", bake_impostor},
+                {"light-volume", "a grid of light probes", bake_light_volume}};
 
 enum { COMMANDS = sizeof commands / sizeof *commands };
 

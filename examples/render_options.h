@@ -109,7 +109,7 @@ typedef struct settings {
 
 /* What bake.c makes of a scene. */
 typedef struct bake_arguments {
-    int layout, tile, tiles[2], frames[2], alpha, texels, border, convention;
+    int layout, tile, tiles[2], frames[2], alpha, texels, border, convention, probes[3];
     double scale, depths[2], metres_per_unit;
     const char *out[3], *surfaces, *constants;
 } bake_arguments;
@@ -519,7 +519,7 @@ static const option_rule options[] = {
     {"--replace-invalid", NULL, "numbers that are NaN or too large count as 0; otherwise they end the render", set_flag, OF_SCENE(replace_invalid), NO_NUMBERS},
     {"--max-bytes", "N", "the most that a volume's file may take in memory, unpacked; default 4e9", set_reals, OF_SCENE(max_bytes), 1, 1, LARGEST, NULL},
     {"--threads", "N", "default one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
-    {"--out", "FILE.png", "sRGB picture; with bake, a map as .dds, .exr or .png", set_text, OF_SCENE(out), NO_NUMBERS},
+    {"--out", "FILE.png", "sRGB picture; with bake, a map as .dds, .exr or .png, or light as .dds or .npy", set_text, OF_SCENE(out), NO_NUMBERS},
     {"--pfm", "FILE.pfm", "linear radiance, three channels", set_text, OF_SCENE(pfm), NO_NUMBERS},
     {"--alpha-pfm", "FILE.pfm", "coverage, one channel", set_text, OF_SCENE(alpha_pfm), NO_NUMBERS},
     {"--exr", "FILE.exr", "OpenEXR: linear radiance, coverage as A, distance from the eye as Z", set_text, OF_SCENE(exr), NO_NUMBERS},
@@ -545,6 +545,7 @@ static const option_rule options[] = {
     {"--depths", "NEAR,FAR", "range of a map along its axis; default: all of the scene", set_reals, OF_BAKE(depths), 2, 0, FARTHEST, NULL},
     {"--surfaces", "FILE.dds", "a second texture: where the first opaque polygons are", set_text, OF_BAKE(surfaces), NO_NUMBERS},
     {"--constants", "FILE.json", "what shaders need besides the textures", set_text, OF_BAKE(constants), NO_NUMBERS},
+    {"--probes", "X,Y,Z", "of a light volume; default: 32 along the scene's longest side, in cubic cells", set_integers, OF_BAKE(probes), 3, 1, 2048, NULL},
     {"--help", NULL, "this text", set_flag, OF_SCENE(help), NO_NUMBERS},
 };
 /* clang-format on */

@@ -416,8 +416,10 @@ static inline int explain(const arguments *all, const ex_session *session, sps_r
         way_out = " (--shadow auto, --no-shadows and --reference have no such limit)";
     if (result == SPS_ERROR_DATA && (strcmp(why.field, "value") == 0 || strncmp(why.field, "appearance_fn", 13) == 0))
         way_out = " (--replace-invalid makes it 0)";
+    const int is_bake = all->settings->program == BAKE; /* which has no --samples */
     if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_VIEW)
-        way_out = strcmp(why.field, "scattering") == 0              ? " (--samples N, or --scattering single)"
+        way_out = strcmp(why.field, "scattering") == 0
+                      ? (is_bake ? " (give --scattering single)" : " (--samples N, or --scattering single)")
                   : strcmp(why.field, "scattering_resolution") == 0 ? " (--scattering single has no such limit)"
                   : strcmp(why.field, "budget_error") == 0 ? " (--quality promises nothing, and has no such limit)"
                                                            : " (--no-shadows and --reference have no such limit)";

@@ -39,7 +39,7 @@ COMPILE_hlsl      = $(COMPILE_cpp) -DSAMPLING_HLSL
 TESTS_native    = $(if $(SPLATSHADOW_LONG),$(TESTS),$(filter-out test_seeds,$(TESTS))) fuzz soak
 TESTS_sanitized = test_extremes test_transmittance test_arrays
 MAP_TESTS = test_map_answers test_map_memory test_map_pictures test_map_states
-TESTS_wide_sanitized = test_hooks test_workers test_interface test_files test_inflate test_vdb test_nvdb test_exr test_dds test_six_way test_bake test_ears test_polygons test_seeds $(MAP_TESTS) test_watertight
+TESTS_wide_sanitized = test_hooks test_workers test_interface test_files test_inflate test_vdb test_nvdb test_exr test_dds test_six_way test_bake test_light_volume test_ears test_polygons test_seeds $(MAP_TESTS) test_watertight
 TESTS_cpp       = test_pictures test_arrays test_throwing
 TESTS_baseline  = test_simd
 TESTS_readme    = test_watertight
@@ -202,7 +202,7 @@ $(foreach c,$(filter-out $(INSTALL_CHECKS_THERE),$(INSTALL_CHECKS)),$(call skipp
 
 # Tests that run the command line, which is linked with the native configuration's header
 $(if $(STB_THERE),$(if $(filter native,$(READY)),$(foreach c,$(READY),$(eval build/tests/$(c).test_command_line.log build/tests/$(c).test_files.log build/tests/$(c).test_vdb.log build/tests/$(c).test_exr.log build/tests/$(c).test_blackbody.log build/tests/$(c).test_six_way.log: build/tests/render) \
-	$(eval build/tests/$(c).test_six_way.log build/tests/$(c).test_bake.log: build/tests/bake))))
+	$(eval build/tests/$(c).test_six_way.log build/tests/$(c).test_bake.log build/tests/$(c).test_light_volume.log: build/tests/bake))))
 
 # The program in plain C that test_simd compares itself with, linked once for several configurations
 SIMD_PLAIN_THERE = $(if $(SPLATSHADOW_LONG),,$(if $(filter sanitized,$(READY)),build/tests/simd_plain))

@@ -217,7 +217,7 @@ static void test_files(void) {
     path_of("a.npy", path);
     CHECK(ex_light_volume_write_npy(path, &v, &error) == 0), check_npy("a.npy");
     CHECK(ex_light_volume_beyond(&v) == 0);
-    v.l0[1] = 65504, v.l0[3 * PROBES - 1] = 65505, v.l1[0] = -65505, v.l1[9 * PROBES - 1] = 7e4f;
+    v.l0[1] = v.l1[2] = 65504, v.l0[3 * PROBES - 1] = 65505, v.l1[0] = -65505, v.l1[9 * PROBES - 1] = 7e4f;
     CHECK(ex_light_volume_beyond(&v) == 3);
     CHECK(ex_light_volume_write_npy("build", &v, &error) == 1 && strstr(error.text, "build: cannot be written"));
     if (access("/dev/full", W_OK) == 0) {

@@ -951,7 +951,7 @@ typedef enum sps_export_layout {
     SPS_EXPORT_SLICES,    /* a 3D texture of one channel: a slice per component, face after face */
     SPS_EXPORT_ATLAS,     /* the layers of an array beside each other in one RGBA texture */
     /* Six faces: cube maps of RGBA as hardware reads them, four components each: +x -x +y -y +z -z, seen from inside.
-       Interpolated at their texel centres, which lie half a texel within the cube's edges. */
+       Interpolated at their texel centres, which lie half a texel within the cube's edges; surfaces: the nearest. */
     SPS_EXPORT_CUBE
 } sps_export_layout;
 
@@ -1043,7 +1043,7 @@ SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, c
                                  const sps_reference_settings *settings, const sps_image *image);
 
 /* Computes the light that arrives at `count` world positions (packed triples), in gas as cells of
-   scattering_resolution hold it. Of the view, quality and scattering count. Polygons have the mesh's albedo on both
+   scattering_resolution hold it. Only the view's quality and scattering count. Polygons have the mesh's albedo on both
    sides; points inside solids see their inner walls. Surface-shaded volumes count as gas. Positions that are not finite
    or beyond 1e15: all 0. Time is proportional to points and 64, 128, 256 or 512 rays each, by quality; docs/manual.md,
    section 5, has errors. Errors: all of sps_render's; UNSUPPORTED also with a budget, FORWARD or CONVOLUTION. */
@@ -15670,6 +15670,7 @@ static void spsi_export_cube_texel(const spsi_export *job, const int at[3], floa
         const double place = 0.5 * (to[0] + to[1] * st[0] + to[2] * st[1] + 1) * (size - 1);
         corner[i] = spsi_imin((int)place, spsi_imax(size - 2, 0));
         share[i] = place - corner[i];
+        if (job->settings->content == SPS_EXPORT_SURFACES) share[i] = share[i] > 0.5; /* mean depths are no surfaces */
     }
     memset(values, 0, (size_t)job->texture->constants.components * sizeof *values);
     for (int i = 0; i < 4; ++i) {
@@ -28858,17 +28859,16 @@ SPSI_COLD sps_result spsi_probes_begin(sps_context *context, spsi_frame *frame, 
 SPSI_COLD sps_result spsi_probes_frame(sps_context *context, spsi_frame *frame, size_t count, const double *positions,
                                        const sps_probe_arrays *out) {
     static const int directions[] = {128, 64, 128, 256, 512};
-    const double begin = SPSI_PROGRESS_GATHER + 2 * SPSI_PROGRESS_CELLS, scattering = (int)frame->view.scattering;
+    const double begin = SPSI_PROGRESS_GATHER + 2 * SPSI_PROGRESS_CELLS;
     const double budget = frame->view.budget_seconds + frame->view.budget_error;
-    const spsi_bounded numbers[] = {
-        {frame->view.budget_error > 0 ? "budget_error" : "budget_seconds", budget, 0, 0, "light probes have no budget"},
-        {"scattering", fabs(scattering - 3.5), 1, HUGE_VAL, "light probes have no FORWARD and no CONVOLUTION"}};
+    const sps_scattering scattering = frame->view.scattering;
     const spsi_subject at = {context, SPS_OBJECT_VIEW, -1, ""};
     const size_t some = 64 * (size_t)spsi_worker_count(context);
-    for (int n = 0; n < 2; ++n)
-        if (numbers[n].value < numbers[n].low || numbers[n].value > numbers[n].high)
-            return spsi_fail_member(&at, SPS_ERROR_UNSUPPORTED, numbers[n].field, n ? scattering : budget,
-                                    numbers[n].rule);
+    const char *const field = frame->view.budget_error > 0 ? "budget_error" : "budget_seconds";
+    if (budget > 0) return spsi_fail_member(&at, SPS_ERROR_UNSUPPORTED, field, budget, "light probes have no budget");
+    if (scattering == SPS_SCATTERING_FORWARD || scattering == SPS_SCATTERING_CONVOLUTION)
+        return spsi_fail_member(&at, SPS_ERROR_UNSUPPORTED, "scattering", scattering,
+                                "light probes have no FORWARD and no CONVOLUTION");
     if (count == 0) return SPS_OK;
     spsi_prober *prober = SPSI_RESERVE(context, SPSI_BUFFER_PROBES, 1, spsi_prober);
     if (!prober) return context->result;

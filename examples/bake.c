@@ -24,11 +24,28 @@ static int is_given(const arguments *all, const char *option) {
     return given;
 }
 
-/* A list ends with NULL. */
-static int check_refused(const arguments *all, const refusal *list, const char *command, ex_error *error) {
-    for (; list->option; ++list)
-        if (is_given(all, list->option))
-            return ex_fail(error, "%s says nothing about bake %s: %s", list->option, command, list->why);
+/* Lists end with NULL. */
+static const refusal refused_by_all[] = {{"--exr-type", "give --texels"},
+                                         {"--stats", "render writes statistics"},
+                                         {"--plan", "render prints plans"},
+                                         {"--list-grids", "render lists grids"},
+                                         {NULL, NULL}};
+static const refusal for_maps_alone[] = {{"--convention", "bake cloud-shadow has it"},
+                                         {"--metres-per-unit", "bake cloud-shadow has it"},
+                                         {"--border", "bake map has it"},
+                                         {"--depths", "bake map has it"},
+                                         {"--surfaces", "bake map has it"},
+                                         {"--constants", "bake map has it"},
+                                         {NULL, NULL}};
+
+/* Refuses the options of two lists, and those that no command has a use for. */
+static int check_refused(const arguments *all, const refusal *one, const refusal *other, const char *command,
+                         ex_error *error) {
+    const refusal *const lists[3] = {one, other, refused_by_all};
+    for (int i = 0; i < 3; ++i)
+        for (const refusal *at = lists[i]; at->option; ++at)
+            if (is_given(all, at->option))
+                return ex_fail(error, "%s says nothing about bake %s: %s", at->option, command, at->why);
     return 0;
 }
 
@@ -47,17 +64,16 @@ static int asks_for_help(const settings *given) {
     return 0;
 }
 
-/* Lists all options but those of two lists. */
+/* Lists all options but those that check_refused refuses. */
 static int help(const char *usage, const refusal *one, const refusal *other) {
+    const refusal *const lists[3] = {one, other, refused_by_all};
     const char *left_out[OPTION_COUNT + 1] = {NULL};
     int count = 0;
-    for (; one->option; ++one) left_out[count++] = one->option;
-    for (; other->option; ++other) left_out[count++] = other->option;
+    for (int i = 0; i < 3; ++i)
+        for (const refusal *at = lists[i]; at->option; ++at) left_out[count++] = at->option;
     print_help(BAKE, usage, left_out);
     return EX_OK;
 }
-
-static const refusal none_refused[] = {{NULL, NULL}};
 
 /* ========================================================================================= options of six-way */
 
@@ -79,16 +95,6 @@ static const refusal refused[] = {{"--light", "its lights are one on each of six
                                   {"--alpha-pfm", "give --out-a and --out-b"},
                                   {"--exr", "give --out-a and --out-b"},
                                   {"--radiance-hdr", "give --out-a and --out-b"},
-                                  {"--exr-type", "give --texels"},
-                                  {"--stats", "render writes statistics"},
-                                  {"--plan", "render prints plans"},
-                                  {"--list-grids", "render lists grids"},
-                                  {"--convention", "bake cloud-shadow has it"},
-                                  {"--metres-per-unit", "bake cloud-shadow has it"},
-                                  {"--border", "bake map has it"},
-                                  {"--depths", "bake map has it"},
-                                  {"--surfaces", "bake map has it"},
-                                  {"--constants", "bake map has it"},
                                   {"--probes", "bake light-volume has it"},
                                   {NULL, NULL}};
 
@@ -134,8 +140,8 @@ static int check_frames(arguments *all, ex_error *error) {
         bake->tiles[1] = (count + bake->tiles[0] - 1) / bake->tiles[0];
     }
     if (bake->tiles[0] * bake->tiles[1] < count)
-        return ex_fail(error, "--tiles %d,%d has room for %d frames, of which there are %d", bake->tiles[0],
-                       bake->tiles[1], bake->tiles[0] * bake->tiles[1], count);
+        return ex_fail(error, "--tiles %d,%d has room for %d frames; there are %d", bake->tiles[0], bake->tiles[1],
+                       bake->tiles[0] * bake->tiles[1], count);
     for (int a = 0; a < 2; ++a)
         if (bake->tiles[a] > 16384 / bake->tile)
             return ex_fail(error, "a texture of %d x %d frames of %d pixels: sides must be within 16384 pixels",
@@ -145,7 +151,7 @@ static int check_frames(arguments *all, ex_error *error) {
 
 /* What needs no file. */
 static int check_six_way(arguments *all, ex_error *error) {
-    if (check_refused(all, refused, "six-way", error)) return 1;
+    if (check_refused(all, refused, for_maps_alone, "six-way", error)) return 1;
     if (shadow_is(all, "samples"))
         return ex_fail(error, "--shadow samples says nothing about bake six-way: %s",
                        "it renders as render does without --reference");
@@ -351,7 +357,7 @@ static int write_textures(const six_way *run, ex_error *error) {
 static int bake_six_way(settings *given, ex_error *error) {
     six_way run;
     memset(&run, 0, sizeof run);
-    if (asks_for_help(given)) return help("bake six-way [options]", refused, none_refused);
+    if (asks_for_help(given)) return help("bake six-way [options]", refused, for_maps_alone);
     run.given = given;
     for (int a = 0; a < 3; ++a) run.lo[a] = DBL_MAX, run.hi[a] = -DBL_MAX;
     int status = for_frames(&run, measure_frame, error);
@@ -400,11 +406,7 @@ static const refusal refused_by_maps[] = {{"--ambient", "a map holds transmittan
                                           {"--pfm", "give --out"},
                                           {"--alpha-pfm", "give --out"},
                                           {"--exr", "give --out"},
-                                          {"--exr-type", "give --texels"},
                                           {"--radiance-hdr", "give --out"},
-                                          {"--stats", "render writes statistics"},
-                                          {"--plan", "render prints plans"},
-                                          {"--list-grids", "render lists grids"},
                                           {"--tile", "give --map-resolution"},
                                           {"--frames", "it bakes one frame"},
                                           {"--alpha", "a map has none"},
@@ -525,8 +527,8 @@ static int check_maps(map_run *run, arguments *all, ex_error *error) {
     bake_arguments *bake = &all->bake;
     run->is_beer = run->is_cloud && strcmp(convention_names[bake->convention], "unreal") == 0;
     run->zip = strcmp(exr_compression_names[all->exr_compression], "zip") == 0;
-    if (check_refused(all, refused_by_maps, run->command, error) ||
-        check_refused(all, run->is_cloud ? refused_by_cloud_shadow : refused_by_map, run->command, error))
+    if (check_refused(all, refused_by_maps, run->is_cloud ? refused_by_cloud_shadow : refused_by_map, run->command,
+                      error))
         return 1;
     if (has(all->given, "--layout") && bake->layout < FIRST_MAP_LAYOUT)
         return ex_fail(error, "--layout %s is for bake six-way; maps have array, slices, atlas and cube",
@@ -751,6 +753,31 @@ static int bake_cloud_shadow(settings *given, ex_error *error) {
     return bake_maps(&run, given, error);
 }
 
+/* ============================================================================================ a single scene */
+
+/* Steps of commands that bake one scene once. Each returns 0 on success, the last an exit status. */
+typedef struct one_scene {
+    int (*check_fn)(const arguments *all, ex_error *error); /* needs no file */
+    int (*check_names_fn)(const arguments *all, ex_error *error);
+    int (*bake_fn)(arguments *all, const scene_arrays *arrays, ex_error *error);
+} one_scene;
+
+static int bake_one_scene(const one_scene *steps, settings *given, ex_error *error) {
+    arguments all;
+    scene_arrays arrays;
+    int status = EX_MISTAKEN;
+    begin_arguments(&all, given);
+    begin_scene(&arrays, given);
+    if (!apply_settings(&all, error) && !steps->check_fn(&all, error) && !find_volumes(&all, error) &&
+        !check_scene_options(&all, error) && !steps->check_names_fn(&all, error)) {
+        tell_backgrounds(&all);
+        status = steps->bake_fn(&all, &arrays, error);
+    }
+    free_scene(&arrays);
+    free_arguments(&all);
+    return status;
+}
+
 /* ============================================================================================== the impostor */
 
 static const refusal refused_by_impostor[] = {{"--background", "there is nothing behind a card"},
@@ -767,20 +794,10 @@ static const refusal refused_by_impostor[] = {{"--background", "there is nothing
                                               {"--alpha-pfm", "give --out-a and --out-b"},
                                               {"--exr", "give --out-a and --out-b"},
                                               {"--radiance-hdr", "give --out-a and --out-b"},
-                                              {"--exr-type", "give --texels"},
-                                              {"--stats", "render writes statistics"},
-                                              {"--plan", "render prints plans"},
-                                              {"--list-grids", "render lists grids"},
                                               {"--layout", "its two textures have one"},
                                               {"--tiles", "it bakes one frame"},
                                               {"--frames", "it bakes one frame"},
                                               {"--out-c", "it has two textures"},
-                                              {"--convention", "bake cloud-shadow has it"},
-                                              {"--metres-per-unit", "bake cloud-shadow has it"},
-                                              {"--border", "bake map has it"},
-                                              {"--depths", "bake map has it"},
-                                              {"--surfaces", "bake map has it"},
-                                              {"--constants", "bake map has it"},
                                               {"--probes", "bake light-volume has it"},
                                               {NULL, NULL}};
 
@@ -800,7 +817,7 @@ static int check_impostor_file(const arguments *all, int number, ex_error *error
 static int check_impostor(const arguments *all, ex_error *error) {
     const int has_exr = all->bake.out[0] && all->bake.out[1] &&
                         (ending_of(all->bake.out[0]) == EXR || ending_of(all->bake.out[1]) == EXR);
-    if (check_refused(all, refused_by_impostor, "impostor", error)) return 1;
+    if (check_refused(all, refused_by_impostor, for_maps_alone, "impostor", error)) return 1;
     if (all->bake.texels > EX_CARD_FLOAT) return ex_fail(error, "--texels unorm16 is for maps, not for bake impostor");
     if (shadow_is(all, "samples"))
         return ex_fail(error, "--shadow samples says nothing about bake impostor: %s",
@@ -899,20 +916,9 @@ static int load_impostor(arguments *all, const scene_arrays *arrays, ex_error *e
 }
 
 static int bake_impostor(settings *given, ex_error *error) {
-    arguments all;
-    scene_arrays arrays;
-    int status = EX_MISTAKEN;
-    if (asks_for_help(given)) return help("bake impostor [options]", refused_by_impostor, none_refused);
-    begin_arguments(&all, given);
-    begin_scene(&arrays, given);
-    if (!apply_settings(&all, error) && !check_impostor(&all, error) && !find_volumes(&all, error) &&
-        !check_scene_options(&all, error) && !check_impostor_names(&all, error)) {
-        tell_backgrounds(&all);
-        status = load_impostor(&all, &arrays, error);
-    }
-    free_scene(&arrays);
-    free_arguments(&all);
-    return status;
+    static const one_scene steps = {check_impostor, check_impostor_names, load_impostor};
+    if (asks_for_help(given)) return help("bake impostor [options]", refused_by_impostor, for_maps_alone);
+    return bake_one_scene(&steps, given, error);
 }
 
 /* ========================================================================================== the light volume */
@@ -923,7 +929,7 @@ static const refusal refused_by_light_volume[] = {{"--camera", "it has light fro
                                                   {"--width", "give --probes"},
                                                   {"--height", "give --probes"},
                                                   {"--region", "give --probes"},
-                                                  {"--background", "it has the share of the sky that is seen"},
+                                                  {"--background", "it has the visible fraction of the sky"},
                                                   {"--coverage", "it is no picture"},
                                                   {"--slab-thickness", "probes need no slabs"},
                                                   {"--shadow-resolution", "probes need no shadow maps"},
@@ -942,12 +948,8 @@ static const refusal refused_by_light_volume[] = {{"--camera", "it has light fro
                                                   {"--pfm", "give --out"},
                                                   {"--alpha-pfm", "give --out"},
                                                   {"--exr", "give --out"},
-                                                  {"--exr-type", "give --texels"},
                                                   {"--exr-compression", "it writes .dds or .npy"},
                                                   {"--radiance-hdr", "give --out"},
-                                                  {"--stats", "render writes statistics"},
-                                                  {"--plan", "render prints plans"},
-                                                  {"--list-grids", "render lists grids"},
                                                   {"--layout", "it has one layout"},
                                                   {"--tile", "give --probes"},
                                                   {"--tiles", "give --probes"},
@@ -957,18 +959,12 @@ static const refusal refused_by_light_volume[] = {{"--camera", "it has light fro
                                                   {"--out-a", "give --out"},
                                                   {"--out-b", "give --out"},
                                                   {"--out-c", "give --out"},
-                                                  {"--convention", "bake cloud-shadow has it"},
-                                                  {"--metres-per-unit", "bake cloud-shadow has it"},
-                                                  {"--border", "bake map has it"},
-                                                  {"--depths", "bake map has it"},
-                                                  {"--surfaces", "bake map has it"},
-                                                  {"--constants", "bake map has it"},
                                                   {NULL, NULL}};
 
 /* What needs no file. */
 static int check_light_volume(const arguments *all, ex_error *error) {
     const char *path = all->out, *texels = texel_names[all->bake.texels];
-    if (check_refused(all, refused_by_light_volume, "light-volume", error)) return 1;
+    if (check_refused(all, refused_by_light_volume, for_maps_alone, "light-volume", error)) return 1;
     if (!shadow_is(all, "auto") && !shadow_is(all, "none"))
         return ex_fail(error, "--shadow %s says nothing about bake light-volume: probes need no shadow maps",
                        shadow_names[all->shadow]);
@@ -1034,20 +1030,9 @@ static int load_light_volume(arguments *all, const scene_arrays *arrays, ex_erro
 }
 
 static int bake_light_volume(settings *given, ex_error *error) {
-    arguments all;
-    scene_arrays arrays;
-    int status = EX_MISTAKEN;
-    if (asks_for_help(given)) return help("bake light-volume [options]", refused_by_light_volume, none_refused);
-    begin_arguments(&all, given);
-    begin_scene(&arrays, given);
-    if (!apply_settings(&all, error) && !check_light_volume(&all, error) && !find_volumes(&all, error) &&
-        !check_scene_options(&all, error) && !check_light_volume_name(&all, error)) {
-        tell_backgrounds(&all);
-        status = load_light_volume(&all, &arrays, error);
-    }
-    free_scene(&arrays);
-    free_arguments(&all);
-    return status;
+    static const one_scene steps = {check_light_volume, check_light_volume_name, load_light_volume};
+    if (asks_for_help(given)) return help("bake light-volume [options]", refused_by_light_volume, for_maps_alone);
+    return bake_one_scene(&steps, given, error);
 }
 
 /* ============================================================================================== the program */
@@ -1057,8 +1042,8 @@ static const struct {
     const char *name, *help;
     int (*run_fn)(settings *given, ex_error *error);
 } commands[] = {{"six-way", "lightmaps of a card of smoke, for engines that light it from six sides", bake_six_way},
-                {"map", "a transmittance map: what of one light reaches any point", bake_map},
-                {"cloud-shadow", "maps of what of the sun passes clouds, over a terrain", bake_cloud_shadow},
+                {"map", "a transmittance map: the fraction of a light that reaches any point", bake_map},
+                {"cloud-shadow", "maps of the sunlight that passes clouds, over a terrain", bake_cloud_shadow},
                 {"impostor", "a card that stands for a scene: color and alpha; normals and depths", bake_impostor},
                 {"light-volume", "a grid of light probes", bake_light_volume}};
 

@@ -42,7 +42,7 @@ static double find_ground(ex_vec eye, ex_vec way) {
     return 0;
 }
 
-/* The ground's color under a sun, of which the maps say how much passes. */
+/* The ground's color in the sunlight that the maps let through. */
 static void shade(const ex_cascades *cascades, ex_vec sun, double distance, ex_vec p, int tinted, float rgba[4]) {
     static const double tints[EX_CASCADES][3] = {{1, 0.5, 0.5}, {1, 1, 0.5}, {0.5, 1, 0.6}, {0.5, 0.7, 1}};
     static const double grass[3] = {0.12, 0.16, 0.05}, light[3] = {3.4, 3.1, 2.6}, sky[3] = {0.35, 0.5, 0.75};

@@ -11,8 +11,8 @@ enum { EX_CASCADES = 4 };
 /* A view in perspective: what its pixels see of ground between two heights. */
 typedef struct ex_outlook {
     ex_vec position, forward, right, up; /* the last three: unit vectors */
-    double tangent[2];                   /* of half the angle of view, sideways and upwards */
-    double heights[2];                   /* of the lowest and the highest ground */
+    double tangent[2];                   /* half the view's width and height at distance 1 */
+    double heights[2];                   /* lowest and highest ground */
 } ex_outlook;
 
 typedef struct ex_cascades {

@@ -17,7 +17,7 @@
 typedef struct ex_impostor_set {
     const sps_particles *from;
     double shift[3];
-    float weight; /* of optical depth */
+    float weight; /* factor on optical depth */
 } ex_impostor_set;
 
 static inline int ex_impostor_read(void *user, size_t first, size_t count, sps_particle *out) {
@@ -69,7 +69,7 @@ static inline void ex_impostor_volume(const sps_volume *from, int channel, const
     for (int a = 0; a < 3; ++a) to->placement.origin[a] += shift[a];
 }
 
-/* Particles glow by optical depth, of which copies need some: a part in 2^14, which absorbs next to nothing. */
+/* Particles glow in proportion to optical depth. Copies keep 2^-14 of it, which absorbs next to nothing. */
 static inline void ex_impostor_particles(const sps_particles *from, int channel, const double shift[3],
                                          ex_impostor_set *set, sps_particles *to) {
     static const float none[3] = {0, 0, 0}, many = 16384;

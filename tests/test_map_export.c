@@ -205,6 +205,28 @@ static void test_surfaces(void) {
     sps_destroy(context);
 }
 
+/* A cube map's surfaces are the map's own, and not means with texels that have none. */
+static void test_surfaces_of_cubes(void) {
+    sps_tmap_export_settings settings = wanted(SPS_EXPORT_FLOAT, SPS_EXPORT_CUBE);
+    sps_context *context = sps_create(NULL, NULL);
+    sps_tmap_texture t;
+    fixture f;
+    begin_little(&f, SPS_TMAP_DEPTH);
+    see(&f, ROUND, SIDE);
+    sps_tmap *map = must_build(&f, context);
+    settings.content = SPS_EXPORT_SURFACES;
+    if (export_into(map, &settings, &t))
+        for (int i = 0; i < 6 * SIDE * SIDE; ++i) {
+            int same = 0;
+            for (int k = 0; k < 6 * SIDE * SIDE && !same; ++k)
+                same = fetched(SPS_EXPORT_FLOAT, (size_t)i) == (double)sps_tmap_surfaces(map)[k];
+            CHECK(same);
+        }
+    sps_tmap_destroy(map);
+    sps_destroy(context);
+    end(&f);
+}
+
 /* ----------------------------------------------------------------------------------------------------- empty texels */
 
 /* An empty texel beside a ball has the mean range, or moments, of its neighbours with gas; optical depths and texels
@@ -501,6 +523,7 @@ int main(void) {
     RUN(test_halves);
     RUN(test_formats);
     RUN(test_surfaces);
+    RUN(test_surfaces_of_cubes);
     RUN(test_empty);
     RUN(test_cube);
     RUN(test_beer);

@@ -551,7 +551,7 @@ static void test_wrong_options(void) {
         {"six-way --volume f%d.raw --size 2,2,2 " OUT, 2, "f%d.raw: No such file"},
         {"six-way --volume f%d.raw --size 2,2,2 " OUT "--frames 1,4", 2, "f4.raw: No such file"},
         {"six-way --volume f%d.raw --size 2,2,2 --tiles 1,2 " OUT "--frames 1,3", 2,
-         "--tiles 1,2 has room for 2 frames, of which there are 3"},
+         "--tiles 1,2 has room for 2 frames; there are 3"},
         {"six-way --volume v.dds --size 2,2,2 --out-a v.dds --out-b b.dds", 2,
          "--out-a v.dds is a file that --volume reads"},
         {"six-way --volume v%d.dds --size 2,2,2 --frames 1,2 --out-a a.dds --out-b v2.dds", 2,

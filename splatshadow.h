@@ -622,6 +622,11 @@ typedef struct sps_scene {
     /* Instead of `background`: radiance along unit directions (packed triples), one row of pixels per call. */
     int (*background_fn)(void *user, size_t count, const float *directions, float *out_rgb);
     void *background_user;
+    /* The sky, added to `ambient`; NULL: none. Radiance from unit directions (packed triples): 9216 in one call, about
+       2 degrees apart. Between them it is constant, so `sky_fn` should average that much. Polygons, shadowed by each
+       other, see all of it; gas without multiple scattering sees its mean. sps_plan calls it, too. */
+    int (*sky_fn)(void *user, size_t count, const float *directions, float *out_rgb);
+    void *sky_user;
     /* 1: invalid values of volumes and projectors become 0, and invalid particles are ignored; both are counted. */
     int replace_invalid;
     const sps_particles *particles;
@@ -727,6 +732,9 @@ typedef struct sps_view {
     /* SPS_SCATTERING_AUTO: single scattering if higher orders carry at most this fraction of its energy, 0..1;
        0: 0.01. Scattering or emitting gas with polygons is always MULTIPLE. */
     float scattering_tolerance;
+    /* Rays to the sky from a point on a polygon, up to 512; 0: 16, 32, 128 or 512 by quality. All points have the same
+       directions, so shadows show steps, not noise. */
+    int sky_samples;
     sps_filling filling; /* 0: SPS_FILLING_AUTO */
     /* Time limit of the whole call, in clock_fn seconds, or 0. Chooses quality, slab_thickness, tolerance and
        scattering_resolution, which must be 0, and `samples` of lights where 0. Takes the setting that fits with least
@@ -1832,6 +1840,7 @@ static int spsi_bit_count(uint64_t mask) {
 typedef enum spsi_buffer_id {
     SPSI_BUFFER_FRAME,   /* >>scene */
     SPSI_BUFFER_CONTENT, /* >>scene */
+    SPSI_BUFFER_SKY,     /* >>scene */
     SPSI_BUFFER_TABLES,
     SPSI_BUFFER_GLOW_TABLES, /* classified emission, >>transfer */
     SPSI_BUFFER_CLASSIFIERS, /* materials that classify voxels, >>scene */
@@ -2866,7 +2875,7 @@ typedef struct spsi_forward {
 
 typedef struct spsi_material {
     float extinction, albedo[3], emission[3];
-    float ambient[3];               /* scene's plus its own */
+    float ambient[3];               /* scene's, the sky's mean, and its own */
     sps_lobe lobes[SPSI_LOBES_MAX]; /* weights sum to 1 */
     int lobe_count;
     spsi_table *table; /* NULL: gas */
@@ -4354,10 +4363,27 @@ typedef struct spsi_content {
     spsi_rays eye; /* depth reference: middle of the content */
 } spsi_content;
 
+#define SPSI_SKY_SIDE   96 /* texels along an edge of the octahedral map */
+#define SPSI_SKY_TEXELS (SPSI_SKY_SIDE * SPSI_SKY_SIDE)
+#define SPSI_SKY_RAYS   1024 /* maximum, over the sphere */
+
+/* Parts of the sphere: directions, fractions of solid angle, mean radiance. */
+typedef struct spsi_sky_parts {
+    int count;
+    float way[3][SPSI_SKY_RAYS], share[SPSI_SKY_RAYS], color[3][SPSI_SKY_RAYS];
+} spsi_sky_parts;
+
+typedef struct spsi_sky {
+    float way[SPSI_SKY_TEXELS][3], share[SPSI_SKY_TEXELS], color[SPSI_SKY_TEXELS][3];
+    float low[3];              /* least radiance, included in the frame's ambient light */
+    float mean[3];             /* included in the materials' */
+    spsi_sky_parts even, rays; /* for irradiance without occluders, and with */
+} spsi_sky;
+
 /* Constant once built, except that >>shadows changes lights. */
 typedef struct spsi_frame {
     spsi_content *content;
-    sps_scene given; /* arrays valid only while building */
+    sps_scene given; /* arrays valid only while building; `ambient` includes the sky's least */
     sps_view view;     /* resolved; shadow_resolution 0: fitted */
     sps_object viewer; /* object for view errors */
     spsi_accuracy accuracy;
@@ -4368,6 +4394,7 @@ typedef struct spsi_frame {
     spsi_matter matter;
     spsi_meshes meshes;
     spsi_lights lights;
+    const spsi_sky *sky; /* NULL: none */
     int has_ambient;
     int has_gradients; /* 1: surface shading */
     int channels;    /* 1: grey; 3: color */
@@ -4836,6 +4863,7 @@ SPSI_COLD sps_result spsi_check_view(sps_context *context, const sps_view *view)
         {"scattering", (double)(int)view->scattering, 0, SPS_SCATTERING_MULTIPLE, "it must be an sps_scattering"},
         {"scattering_resolution", (double)view->scattering_resolution, 0, SPSI_CELL_SIDE_MOST, "it must be 0..256"},
         {"scattering_tolerance", (double)view->scattering_tolerance, 0, 1, "it must be 0..1"},
+        {"sky_samples", (double)view->sky_samples, 0, SPSI_SKY_RAYS / 2, "it must be 0..512"},
         {"near_distance", view->near_distance, 0, DBL_MAX, "it must be 0 or positive"}};
     if (spsi_check_canaries(&at, view->start_canary, view->end_canary) ||
         spsi_check_sampling(&at, size, view->quality, view->slab_thickness))
@@ -4863,6 +4891,7 @@ SPSI_COLD void spsi_resolve_quality(spsi_frame *frame) {
     static const int depth_map_texels[] = {1024, 512, 1024, 2048, 4096};
     static const int light_points[] = {16, 8, 16, 32, 64};
     static const int cells[] = {48, 24, 48, 64, 96};
+    static const int sky_samples[] = {32, 16, 32, 128, 512};
     static const double flight_angle[] = {0.3, 0.4, 0.3, 0.25, 0.2};
     const int looks = frame->matter.classifies, quality = (int)frame->view.quality;
     const double least_texel = frame->view.shadow_resolution > 0 ? 0 : texel_pixels[looks][quality];
@@ -4874,6 +4903,7 @@ SPSI_COLD void spsi_resolve_quality(spsi_frame *frame) {
     if (!(frame->view.slab_thickness > 0)) frame->view.slab_thickness = slab[looks][quality];
     if (frame->view.scattering_resolution == 0) frame->view.scattering_resolution = cells[quality];
     if (!(frame->view.scattering_tolerance > 0)) frame->view.scattering_tolerance = 0.01f;
+    if (frame->view.sky_samples == 0) frame->view.sky_samples = sky_samples[quality];
 }
 
 /* Requires rays->width and height. */
@@ -5470,8 +5500,102 @@ SPSI_COLD sps_result spsi_resolve_lights(sps_context *context, spsi_frame *frame
     return spsi_resolve_points(context, frame);
 }
 
+/* --- the sky --- */
+
+/* Folds the lower half of an octahedron over the upper one, or back. */
+static void spsi_sky_fold(double way[3]) {
+    const double x = 1 - fabs(way[1]), y = 1 - fabs(way[0]);
+    if (!(way[2] < 0)) return;
+    way[0] = way[0] < 0 ? -x : x;
+    way[1] = way[1] < 0 ? -y : y;
+}
+
+/* Sets the texels' directions: an octahedron's sides, unfolded into a square. */
+SPSI_COLD void spsi_sky_directions(spsi_sky *sky) {
+    double all = 0;
+    for (int n = 0; n < SPSI_SKY_TEXELS; ++n) {
+        const double u = (n % SPSI_SKY_SIDE + 0.5) * 2 / SPSI_SKY_SIDE - 1;
+        const double v = (n / SPSI_SKY_SIDE + 0.5) * 2 / SPSI_SKY_SIDE - 1;
+        double way[3] = {u, v, 1 - fabs(u) - fabs(v)};
+        spsi_sky_fold(way);
+        const double length = spsi_length(way);
+        sky->share[n] = (float)(1 / (length * length * length));
+        all += (double)sky->share[n];
+        for (int k = 0; k < 3; ++k) sky->way[n][k] = (float)(way[k] / length);
+    }
+    for (int n = 0; n < SPSI_SKY_TEXELS; ++n) sky->share[n] /= (float)all;
+}
+
+/* Divides the sphere among points of a spiral. A texel's nearest one has almost its height. */
+SPSI_COLD void spsi_sky_divide(const spsi_sky *sky, int count, spsi_sky_parts *parts) {
+    const int reach = 2 + (int)(2 * sqrt(count));
+    memset(parts, 0, sizeof *parts);
+    parts->count = count;
+    for (int i = 0; i < count; ++i) {
+        const double up = 1 - (2 * i + 1.0) / count, aside = sqrt(1 - up * up), turn = 2.39996322972865332 * i;
+        parts->way[0][i] = (float)(aside * cos(turn));
+        parts->way[1][i] = (float)(aside * sin(turn));
+        parts->way[2][i] = (float)up;
+    }
+    for (int n = 0; n < SPSI_SKY_TEXELS; ++n) {
+        const float *way = sky->way[n];
+        const int level = (int)(0.5f * (1 - way[2]) * (float)count);
+        float most = -2;
+        int to = 0;
+        for (int i = spsi_imax(level - reach, 0); i < spsi_imin(level + reach, count); ++i) {
+            const float near_by = way[0] * parts->way[0][i] + way[1] * parts->way[1][i] + way[2] * parts->way[2][i];
+            if (near_by > most) most = near_by, to = i;
+        }
+        parts->share[to] += sky->share[n];
+        for (int c = 0; c < 3; ++c) parts->color[c][to] += sky->share[n] * sky->color[n][c];
+    }
+    for (int i = 0; i < count; ++i)
+        for (int c = 0; c < 3; ++c) parts->color[c][i] /= spsi_fmax(parts->share[i], FLT_MIN);
+}
+
+/* Radiance from a unit direction. */
+static const float *spsi_sky_at(const spsi_sky *sky, const double way[3]) {
+    const double sum = fabs(way[0]) + fabs(way[1]) + fabs(way[2]);
+    double at[3] = {way[0] / sum, way[1] / sum, way[2]};
+    int texel[2];
+    spsi_sky_fold(at);
+    for (int k = 0; k < 2; ++k)
+        texel[k] = (int)spsi_dmax(0, spsi_dmin((0.5 * at[k] + 0.5) * SPSI_SKY_SIDE, SPSI_SKY_SIDE - 1));
+    return sky->color[texel[1] * SPSI_SKY_SIDE + texel[0]];
+}
+
+/* Reads the sky, and adds its least radiance to ambient light. */
+SPSI_COLD sps_result spsi_sky_read(sps_context *context, spsi_frame *frame) {
+    const sps_scene *scene = &frame->given;
+    double mean[3] = {0, 0, 0};
+    spsi_sky *sky = SPSI_RESERVE(context, SPSI_BUFFER_SKY, 1, spsi_sky);
+    if (!sky) return context->result;
+    spsi_sky_directions(sky);
+    if (spsi_check_call(context, SPS_OBJECT_SCENE, -1, "sky_fn",
+                        scene->sky_fn(scene->sky_user, SPSI_SKY_TEXELS, sky->way[0], sky->color[0])))
+        return context->result;
+    spsi_sky_directions(sky); /* the caller may have changed them */
+    memcpy(sky->low, sky->color[0], sizeof sky->low);
+    for (int n = 0; n < SPSI_SKY_TEXELS; ++n) {
+        if (spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_SCENE, -1, "sky_fn's color", sky->color[n],
+                           SPSI_VALUE_MAX))
+            return context->result;
+        for (int c = 0; c < 3; ++c) mean[c] += (double)(sky->share[n] * sky->color[n][c]);
+        for (int c = 0; c < 3; ++c) sky->low[c] = spsi_fmin(sky->low[c], sky->color[n][c]);
+    }
+    for (int c = 0; c < 3; ++c) {
+        sky->mean[c] = (float)mean[c];
+        frame->given.ambient[c] += sky->low[c];
+    }
+    spsi_sky_divide(sky, 2 * frame->view.sky_samples, &sky->rays);
+    spsi_sky_divide(sky, SPSI_SKY_RAYS, &sky->even);
+    frame->sky = sky;
+    return SPS_OK;
+}
+
 SPSI_COLD int spsi_count_channels(const spsi_frame *frame) {
     int grey = spsi_grey(frame->given.ambient) && spsi_grey(frame->given.background) && !frame->given.background_fn;
+    for (int n = 0; frame->sky && n < SPSI_SKY_TEXELS; ++n) grey &= spsi_grey(frame->sky->color[n]);
     for (int i = 0; i < frame->lights.count; ++i)
         grey &= spsi_grey(frame->lights.list[i].color) && !frame->lights.list[i].projection.exists;
     for (int i = 0; i < frame->meshes.count; ++i)
@@ -5511,11 +5635,13 @@ SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *sc
         return NULL;
     if (view && spsi_resolve_view(context, frame)) return NULL;
     if (spsi_resolve_lights(context, frame, scene)) return NULL;
-    frame->has_ambient = !spsi_black(scene->ambient);
+    if (view && scene->sky_fn && spsi_sky_read(context, frame)) return NULL;
+    frame->has_ambient = !spsi_black(scene->ambient) || (frame->sky && !spsi_black(frame->sky->mean));
     for (int m = 0; m < frame->matter.material_count; ++m) {
         spsi_material *material = &frame->matter.materials[m];
         frame->has_ambient |= !spsi_black(material->ambient);
-        for (int c = 0; c < 3; ++c) material->ambient[c] += scene->ambient[c];
+        for (int c = 0; c < 3; ++c)
+            material->ambient[c] += scene->ambient[c] + (frame->sky ? frame->sky->mean[c] : 0);
     }
     frame->channels = spsi_count_channels(frame);
     content->outer = content->bounds;
@@ -6551,11 +6677,11 @@ SPSI_COLD int spsi_polygons_scatter(const spsi_frame *frame) {
 
 /* Resolves SPS_SCATTERING_AUTO. Each order is at most x times the previous, x = max albedo * (1 - exp(-t)), where t
    bounds optical depth. So multiple scattering is at most x / (1 - x) of single scattering; with polygons there is no
-   bound. */
+   bound. Only MULTIPLE scatters a sky's light by direction. */
 SPSI_COLD sps_result spsi_decide_scattering(sps_context *context, spsi_frame *frame, double *bound) {
     *bound = 0;
     if (frame->view.scattering != SPS_SCATTERING_AUTO) return SPS_OK;
-    if (spsi_light_meets_gas(frame) && spsi_polygons_scatter(frame)) {
+    if (spsi_light_meets_gas(frame) && (spsi_polygons_scatter(frame) || (frame->sky && frame->matter.orders > 1))) {
         *bound = SPSI_BOUND_NONE;
     } else if (spsi_light_meets_gas(frame)) {
         /* Maximum albedo; 1 with ambient light, as media shadow it. */
@@ -8472,12 +8598,12 @@ static void spsi_ray_to_face(const spsi_faces *faces, int own, spsi_ray *ray, sp
     }
 }
 
-/* Ends the ray at the nearest opaque face. Returns 0 on a miss. */
-static int spsi_ray_to_opaque(const spsi_faces *faces, spsi_ray *ray, spsi_hit *hit) {
+/* Ends the ray at the nearest opaque face. own: as before. Returns 0 on a miss. */
+static int spsi_ray_to_opaque(const spsi_faces *faces, int own, spsi_ray *ray, spsi_hit *hit) {
     const double high = ray->high;
     for (;;) {
         ray->high = high;
-        spsi_ray_to_face(faces, -1, ray, hit);
+        spsi_ray_to_face(faces, own, ray, hit);
         if (hit->face < 0 || !spsi_face_is_translucent(&faces->list[hit->face])) return hit->face >= 0;
         ray->low = ray->high;
     }
@@ -8595,7 +8721,9 @@ static int spsi_uses_cells(const spsi_frame *frame) {
            spsi_light_meets_gas(frame);
 }
 
-static int spsi_needs_tree(const spsi_frame *frame) { return frame->lights.shadow_count > 0 || spsi_uses_cells(frame); }
+static int spsi_needs_tree(const spsi_frame *frame) {
+    return frame->lights.shadow_count > 0 || frame->sky || spsi_uses_cells(frame);
+}
 
 /* True if light is spread by convolution, >>spreading. */
 static int spsi_convolves(const spsi_frame *frame) {
@@ -18023,6 +18151,7 @@ typedef struct spsi_cell_level {
     float *keep[SPSI_CELL_ORDERS];     /* w' r[l] */
     float *given, *sent, *moments[2];  /* per term; `sent` includes `given`; moments[1]: scratch after a sweep */
     const spsi_cell_wall *walls;       /* per cell; NULL: polygons send nothing */
+    const float *outside; /* radiance that enters along each direction; NULL: none, not even from polygons */
     uint32_t *closed;                  /* per cell: bit i: link i is closed; NULL: all are open */
 } spsi_cell_level;
 
@@ -18049,6 +18178,7 @@ typedef struct spsi_cell_solver {
     float *scratch;  /* radiance of rows and planes */
     double *balance; /* per plane of cells: sums of |residual| and |source| */
     spsi_cell_rays rays;
+    float outside[3][SPSI_CELL_DIRECTIONS]; /* per channel: the sky's radiance minus its least */
     int walled;          /* 1: some links are closed */
     int set_count;
     float *single; /* per light, material and cell: single scattering divided by the phase function */
@@ -18189,12 +18319,18 @@ static float *spsi_cell_sweep_row(const spsi_cell_sweep *sweep, int i, int y, in
            (size_t)(plane * (sweep->level->size[1] + 2) + y + 1) * spsi_cell_row_floats(sweep->level);
 }
 
-/* Sets the radiance that enters a row's end cell from polygons outside the grid. */
+/* Radiance along a direction from outside the grid, beside cell `at`: a polygon's, or the sky's. */
+static inline float spsi_cell_enters(const spsi_cell_level *level, size_t at, ptrdiff_t direction) {
+    const spsi_cell_wall *wall = level->walls ? &level->walls[at] : NULL;
+    return wall && (wall->outside >> direction & 1) ? wall->sent : level->outside[direction];
+}
+
+/* Sets the radiance that enters a row's end cell. */
 static inline void spsi_cell_row_end(const spsi_cell_sweep *sweep, int i, size_t row, float *to) {
     const spsi_cell_level *level = sweep->level;
     const int ahead = sweep->directions[i]->step[0] > 0, size = level->size[0];
-    const spsi_cell_wall *wall = &level->walls[row + (size_t)(ahead ? 0 : size - 1)];
-    to[ahead ? -1 : size] = wall->outside >> (sweep->directions[i] - level->solver->directions) & 1 ? wall->sent : 0;
+    to[ahead ? -1 : size] = spsi_cell_enters(level, row + (size_t)(ahead ? 0 : size - 1),
+                                             sweep->directions[i] - level->solver->directions);
 }
 
 /* Sets the radiance entering from a row outside the grid. */
@@ -18203,12 +18339,10 @@ static void spsi_cell_row_border(const spsi_cell_sweep *sweep, int i, int y, int
     const int *size = level->size;
     const int cy = spsi_imax(0, spsi_imin(y, size[1] - 1)), cz = spsi_imax(0, spsi_imin(z, size[2] - 1));
     const size_t row = (size_t)(cz * size[1] + cy) * (size_t)level->pitch;
-    const int bit = (int)(sweep->directions[i] - level->solver->directions);
     float *to = spsi_cell_sweep_row(sweep, i, y, z);
-    SPSI_ROLLED for (int x = -1; x <= size[0]; ++x) {
-        const size_t at = row + (size_t)spsi_imax(0, spsi_imin(x, size[0] - 1));
-        to[x] = level->walls[at].outside >> bit & 1 ? level->walls[at].sent : 0;
-    }
+    SPSI_ROLLED for (int x = -1; x <= size[0]; ++x)
+        to[x] = spsi_cell_enters(level, row + (size_t)spsi_imax(0, spsi_imin(x, size[0] - 1)),
+                                 sweep->directions[i] - level->solver->directions);
 }
 
 /* A row's closed links; NULL: none. */
@@ -18312,14 +18446,14 @@ static void spsi_cell_sweep_row_at(spsi_cell_beams *beams, int y, int z, float *
         own[i] = sweep->rows + (size_t)i * spsi_cell_row_floats(level);
         beams->in[i] = spsi_cell_row_enters(sweep, i, y, z, own[i]);
         beams->out[i] = spsi_cell_sweep_row(sweep, i, y, z);
-        if (level->walls) spsi_cell_row_end(sweep, i, row, beams->out[i]);
+        if (level->outside) spsi_cell_row_end(sweep, i, row, beams->out[i]);
         if (sweep->directions[i]->follows && sweep->directions[i]->step[0] > 0)
             spsi_cell_rows_follow(sweep, i - 1, y, z, &own[i - 1]);
     }
     if (terms == 1) spsi_cell_row_of(beams, row, moments, 1);
     if (terms == 4) spsi_cell_row_of(beams, row, moments, 4);
     if (terms == SPSI_CELL_TERMS) spsi_cell_row_of(beams, row, moments, SPSI_CELL_TERMS);
-    for (int i = beams->first; i < beams->end && level->walls; ++i)
+    for (int i = beams->first; i < beams->end && level->outside; ++i)
         spsi_cell_row_end(sweep, i, row, beams->out[i]);
 }
 
@@ -18331,7 +18465,7 @@ static void spsi_cell_sweep_plane(const spsi_cell_sweep *sweep, int index, int z
         beams.sweep = sweep;
         beams.first = falls ? sweep->rising : 0;
         beams.end = falls ? sweep->count : sweep->rising;
-        for (int i = beams.first; i < beams.end && level->walls; ++i) {
+        for (int i = beams.first; i < beams.end && level->outside; ++i) {
             const int up = sweep->directions[i]->step[1];
             if (up != 0) spsi_cell_row_border(sweep, i, up > 0 ? -1 : rows, z);
         }
@@ -18345,7 +18479,7 @@ static void spsi_cells_sweep_task(void *data, int index) {
     const int planes = level->size[2], before = index ? -1 : planes;
     spsi_cell_sweep sweep;
     spsi_cell_sweep_begin(level, index, &sweep);
-    for (int i = 0; i < sweep.count && level->walls; ++i)
+    for (int i = 0; i < sweep.count && level->outside; ++i)
         for (int y = -1; y <= level->size[1]; ++y) spsi_cell_row_border(&sweep, i, y, before);
     for (int n = 0; n < planes; ++n) spsi_cell_sweep_plane(&sweep, index, index ? n : planes - 1 - n);
 }
@@ -18553,7 +18687,7 @@ SPSI_COLD sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, con
             spsi_parallel_items(solver->context, level->size[2], spsi_cells_paths_task, level);
         }
         memset(finest->sent, 0, bytes);
-        if (finest->walls)
+        if (finest->outside)
             spsi_cells_check(finest);
         else
             memcpy(finest->moments[1], finest->given, bytes);
@@ -19135,9 +19269,9 @@ static int spsi_flies_to_cells(const spsi_frame *frame) {
     return frame->matter.scatters && some;
 }
 
-/* True if first flights reach cells, or go from emission to polygons. */
+/* True if first flights reach cells, or go from emission or the sky to polygons. */
 static int spsi_cells_fly(const spsi_frame *frame) {
-    return spsi_flies_to_cells(frame) || (frame->meshes.count > 0 && frame->matter.emits);
+    return spsi_flies_to_cells(frame) || (frame->meshes.count > 0 && (frame->matter.emits || frame->sky));
 }
 
 /* Maximum number of cells that become emitters. */
@@ -20338,6 +20472,129 @@ static double spsi_flights_irradiance(const spsi_flight_place *place, const spsi
     return nearest;
 }
 
+/* --- light from the sky to polygons --- */
+
+/* Irradiance per pi without occluders. */
+static void spsi_sky_even(const spsi_sky_parts *parts, const double normal[3], double even[3]) {
+    spsi_v facing[3], way[3], sum[4] = {spsi_set(0), spsi_set(0), spsi_set(0), spsi_set(0)};
+    spsi_set3(normal, facing);
+    for (int i = 0; i < parts->count; i += SPSI_LANES) {
+        for (int k = 0; k < 3; ++k) way[k] = spsi_load(parts->way[k] + i);
+        const spsi_v seen = spsi_mul(spsi_max(spsi_dot_v(way, facing), spsi_set(0)), spsi_load(parts->share + i));
+        for (int c = 0; c < 3; ++c) sum[c] = spsi_fma(seen, spsi_load(parts->color[c] + i), sum[c]);
+        sum[3] = spsi_add(sum[3], seen);
+    }
+    for (int c = 0; c < 3; ++c) even[c] = spsi_total(sum[c]) / spsi_total(sum[3]);
+}
+
+/* Rays from a point: up to SPSI_PACKET of the sky's. */
+typedef struct spsi_sky_rays {
+    int count, part[SPSI_PACKET];
+    double cosine[SPSI_PACKET];
+    float reach[SPSI_PACKET]; /* distance to an opaque polygon; infinity: none */
+    float through[3][SPSI_PACKET];
+    double sent[3][SPSI_PACKET]; /* radiance of that polygon */
+} spsi_sky_rays;
+
+/* Follows a blocked ray to its polygon, which reflects the sky as if nothing shadowed it. */
+static void spsi_sky_reflected(const spsi_flight_place *place, const double way[3], int n, spsi_sky_rays *rays) {
+    spsi_ray ray = {{place->start[0], place->start[1], place->start[2]}, {way[0], way[1], way[2]}, 0, HUGE_VAL};
+    spsi_hit hit;
+    spsi_surface surface;
+    double plane[3], color[3], even[3];
+    if (!spsi_ray_to_opaque(place->faces, place->face, &ray, &hit)) return; /* by round-off: black */
+    const spsi_face *face = &place->faces->list[hit.face];
+    rays->reach[n] = (float)ray.high;
+    spsi_along(ray.origin, ray.direction, ray.high, surface.point);
+    spsi_face_plane(face, plane);
+    spsi_surface_face(face, &hit, plane, ray.direction, &surface);
+    spsi_face_color(face, &hit, color);
+    if (!spsi_normalise(surface.normal)) return;
+    spsi_sky_even(&place->frame->sky->rays, surface.normal, even);
+    for (int c = 0; c < 3; ++c) rays->sent[c][n] = color[c] * even[c];
+}
+
+/* Traces rays. Gas counts as far as a polygon. */
+static void spsi_sky_trace(const spsi_flight_place *place, const spsi_flights *flights, spsi_sky_rays *rays) {
+    const spsi_sky_parts *parts = &place->frame->sky->rays;
+    spsi_packet packet;
+    spsi_packet_begin(place->faces, 1, place->face >= 0, &packet);
+    for (int n = 0; n < rays->count; ++n) {
+        const int part = rays->part[n];
+        const double way[3] = {(double)parts->way[0][part], (double)parts->way[1][part], (double)parts->way[2][part]};
+        spsi_packet_add(&place->faces->tree, n, place->face, place->start, way, &packet);
+    }
+    spsi_packet_trace(place->faces, &packet);
+    for (int n = 0; n < rays->count; ++n) {
+        const double way[3] = {packet.toward[0][n], packet.toward[1][n], packet.toward[2][n]};
+        double through[3] = {1, 1, 1};
+        rays->reach[n] = SPSI_INFINITY;
+        for (int c = 0; c < 3; ++c) rays->sent[c][n] = 0;
+        if (!(packet.open >> n & 1)) spsi_sky_reflected(place, way, n, rays);
+        if ((packet.open & packet.filtered) >> n & 1) spsi_packet_through(&packet, n, through);
+        for (int c = 0; c < 3; ++c) rays->through[c][n] = (float)through[c];
+    }
+    for (int first = 0; flights && first < rays->count; first += SPSI_LANES) {
+        spsi_flight_segments ways;
+        spsi_v passes[3];
+        memset(&ways, 0, sizeof ways);
+        for (int i = 0; i < SPSI_LANES; ++i) {
+            const int n = spsi_imin(first + i, rays->count - 1);
+            for (int k = 0; k < 3; ++k) {
+                ways.from[k][i] = (float)(place->point[k] - flights->centre[k]);
+                ways.unit[k][i] = parts->way[k][rays->part[n]];
+            }
+            ways.length[i] = ways.end[i] = rays->reach[n];
+        }
+        spsi_flight_segments_pass(flights, &ways, passes);
+        for (int c = 0; c < 3; ++c)
+            spsi_store(&rays->through[c][first], spsi_mul(passes[c], spsi_load(&rays->through[c][first])));
+    }
+}
+
+/* Adds irradiance from the sky, and from polygons that hide it, minus that of its least. Rays find how much of it
+   passes; so open points are exact. `flights`: for the gas; NULL: none. Returns the nearest polygon's distance. */
+static double spsi_sky_irradiance(const spsi_flight_place *place, const spsi_flights *flights, double irradiance[3]) {
+    const spsi_sky *sky = place->frame->sky;
+    const spsi_sky_parts *parts = &sky->rays;
+    double all = 0, bare[3] = {0, 0, 0}, open[3] = {0, 0, 0}, other[3] = {0, 0, 0}, even[3], nearest = HUGE_VAL;
+    for (int i = 0; i < parts->count;) {
+        spsi_sky_rays rays;
+        memset(&rays, 0, sizeof rays);
+        for (; i < parts->count && rays.count < SPSI_PACKET; ++i) {
+            double cosine = 0;
+            for (int k = 0; k < 3; ++k) cosine += (double)parts->way[k][i] * place->normal[k];
+            if (!(cosine > 0)) continue;
+            rays.part[rays.count] = i;
+            rays.cosine[rays.count++] = cosine * (double)parts->share[i];
+        }
+        if (rays.count > 0) spsi_sky_trace(place, flights, &rays);
+        for (int n = 0; n < rays.count; ++n) {
+            const int part = rays.part[n], opens = rays.reach[n] > FLT_MAX;
+            all += rays.cosine[n];
+            nearest = spsi_dmin(nearest, (double)rays.reach[n]);
+            for (int c = 0; c < 3; ++c) {
+                const double through = rays.cosine[n] * (double)rays.through[c][n];
+                bare[c] += rays.cosine[n] * (double)parts->color[c][part];
+                open[c] += opens ? through * (double)parts->color[c][part] : 0;
+                other[c] += through * ((opens ? 0 : rays.sent[c][n]) - (double)sky->low[c]);
+            }
+        }
+    }
+    spsi_sky_even(&sky->even, place->normal, even);
+    for (int c = 0; c < 3 && all > 0; ++c)
+        irradiance[c] += SPSI_PI * ((bare[c] > 0 ? even[c] * open[c] / bare[c] : 0) + other[c] / all);
+    return nearest;
+}
+
+/* Irradiance that reaches a polygon straight. Returns a length over which it is smooth. */
+static double spsi_straight_irradiance(const spsi_flight_place *place, double irradiance[3]) {
+    const spsi_flights *flights = place->frame->content->flights;
+    double reach = flights ? spsi_flights_irradiance(place, flights, irradiance) : HUGE_VAL;
+    if (place->frame->sky) reach = spsi_dmin(reach, spsi_sky_irradiance(place, flights, irradiance));
+    return reach;
+}
+
 /* ============================================================================================== >>shading
    31 Radiance of slabs and surfaces towards the eye. Optical depth from the light is A0 + x (A1 - A0) at fraction x of
    a ray's path through a slab. x rises along the light. To the eye, a slab of depth t adds x t front to back, (1-x) t
@@ -20416,6 +20673,7 @@ typedef struct spsi_pixels {
     spsi_v polygon_slab; /* its slab coordinate, relative to the sweep's first slab */
     spsi_v length;       /* world length per unit of t */
     spsi_v toward[3];    /* unit direction from the eye */
+    spsi_v behind[3];    /* ambient light or the sky behind all; 0: a polygon. Set only to shade cells */
 } spsi_pixels;
 
 typedef struct spsi_gathered {
@@ -21216,17 +21474,15 @@ static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels
     const spsi_v start = spsi_add(part->before, into->ahead), end = spsi_add(part->after, into->ahead);
     const spsi_v gas = spsi_mul(sample->depth, spsi_sub(spsi_set(1), sample->surface));
     const spsi_v straight = spsi_mean_transmittance(start, end), zero = spsi_set(0);
-    const spsi_m blocked = spsi_less(p->polygon, spsi_set(SPSI_INFINITY));
     const float peak = grid->peak[m];
     for (int c = 0; c < frame->channels; ++c) {
         const spsi_v scale = spsi_sub(spsi_set(1), spsi_mul(sample->color[c], spsi_set(peak)));
         const spsi_v seen = spsi_mean_transmittance(spsi_mul(scale, start), spsi_mul(scale, end));
         const spsi_v light = spsi_mul(sample->color[c], spsi_cells_lookup(grid, m, c, place->at));
-        const spsi_v behind = spsi_select(blocked, zero, spsi_set(frame->given.ambient[c]));
         spsi_v sent = spsi_mul(gas, spsi_mul(light, seen));
         if (peak > 0) {
             const spsi_v emitted = spsi_sample_emission(material, sample, c);
-            sent = spsi_fma(spsi_mul(gas, behind), spsi_sub(straight, spsi_mul(scale, seen)), sent);
+            sent = spsi_fma(spsi_mul(gas, p->behind[c]), spsi_sub(straight, spsi_mul(scale, seen)), sent);
             const spsi_v more = spsi_mul(spsi_set(grid->swept[m]), spsi_sub(seen, straight));
             sent = spsi_fma(spsi_min(emitted, spsi_set(SPSI_RADIANCE_MAX)), more, sent);
         }
@@ -21447,7 +21703,7 @@ static spsi_v spsi_straight_passes(const spsi_frame *frame, const spsi_light *li
     return spsi_exp(spsi_mul(depth, spsi_load(scales)));
 }
 
-/* --- irradiance from cells and first flights --- */
+/* --- irradiance from cells, first flights and the sky --- */
 
 #define SPSI_RECEIVED_TILE  32 /* pixels along an edge of a task's tile, the largest interpolated block */
 #define SPSI_RECEIVED_STEP  2  /* pixels between knots */
@@ -21483,7 +21739,7 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     return sqrt(16 * grid->edge * grid->edge + distance * distance);
 }
 
-/* Irradiance from cells and first flights at a point in a hit's plane. */
+/* Irradiance from cells, first flights and the sky at a point in a hit's plane, relative to ambient light's. */
 static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, double x, double y, spsi_received *to) {
     const spsi_content *content = job->frame->content;
     double irradiance[3] = {0, 0, 0};
@@ -21491,11 +21747,10 @@ static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, doubl
     const spsi_flight_place place = {job->frame, job->faces, surface.point, surface.start, surface.normal, hit->face};
     memset(to, 0, sizeof *to);
     to->face = hit->face;
-    to->reach = HUGE_VAL;
     spsi_surface_at(&content->eye, job->faces, hit, x, y, &surface);
     memcpy(to->point, surface.point, sizeof to->point);
     if (!spsi_normalise(surface.normal)) return;
-    if (content->flights) to->reach = spsi_flights_irradiance(&place, content->flights, irradiance);
+    to->reach = spsi_straight_irradiance(&place, irradiance);
     for (int n = 0; n < content->cell_grid_count; ++n) {
         const spsi_cell_grid *grid = &content->cells[n];
         to->reach = spsi_dmin(to->reach, spsi_add_grid_irradiance(job->faces, grid, &surface, hit->face, irradiance));
@@ -21578,7 +21833,7 @@ static const spsi_hit *spsi_receive_plane(const spsi_receive_job *job, int x0, i
 static void spsi_receive_block(spsi_receive_tile *tile, int x0, int y0, int side) {
     const spsi_receive_job *job = tile->job;
     const spsi_rays *eye = &job->frame->content->eye;
-    const int channels = job->frame->content->cells->channels;
+    const int channels = job->frame->channels;
     const int width = spsi_imin(side, eye->width - x0), height = spsi_imin(side, eye->height - y0);
     const spsi_received *knots[9];
     if (width <= 0 || height <= 0) return;
@@ -21628,7 +21883,7 @@ static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame
                                    spsi_visible *visible) {
     const spsi_rays *eye = &frame->content->eye;
     spsi_receive_job job = {context, frame, faces, visible, NULL, NULL};
-    if (!frame->content->cells || !visible->hits) return SPS_OK;
+    if ((!frame->content->cells && !frame->sky) || !visible->hits) return SPS_OK;
     if (!spsi_receive_reserve(context, frame, &job)) return context->result;
     spsi_parallel(context,
                   (eye->width + SPSI_RECEIVED_TILE - 1) / SPSI_RECEIVED_TILE *
@@ -21638,19 +21893,19 @@ static sps_result spsi_receive_all(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-/* Adds reflected light from cells and first flights, relative to ambient light; it may be negative. */
+/* Adds reflected light from cells, first flights and the sky, relative to ambient light; it may be negative. */
 static void spsi_add_flux(const spsi_shader *shader, const spsi_shading_point *place, const double color[3],
                           float radiance[3]) {
     const spsi_content *content = shader->frame->content;
     const spsi_receive_job job = {NULL, shader->frame, shader->faces, shader->visible, NULL, NULL};
-    const size_t channels = (size_t)content->cells->channels;
+    const size_t channels = (size_t)shader->frame->channels;
     spsi_received own;
     if (place->index < spsi_ray_count(&content->eye))
         memcpy(own.irradiance, shader->visible->received + channels * place->index, channels * sizeof(float));
     else
         spsi_receive(&job, place->hit, place->at[0], place->at[1], &own);
     for (int c = 0; c < 3; ++c) {
-        const double received = (double)own.irradiance[spsi_imin(c, content->cells->channels - 1)];
+        const double received = (double)own.irradiance[spsi_imin(c, shader->frame->channels - 1)];
         radiance[c] = spsi_fmax(radiance[c] + (float)(color[c] * received / SPSI_PI), 0);
     }
 }
@@ -21818,7 +22073,7 @@ static void spsi_surfaces_add_light(const spsi_shader *shader, const spsi_light 
     }
 }
 
-/* Adds reflected scattered light: from cells (`shadow`: NULL), or from a light, spread in the medium. */
+/* Adds reflected light: from cells and the sky (`shadow`: NULL), or from a light, spread in the medium. */
 static void spsi_surfaces_add_scattered(const spsi_shader *shader, const spsi_shadow *shadow, spsi_surfaces *list) {
     for (int n = 0; list->points.lanes >> n; ++n) {
         const spsi_shading_point *place = &list->place[n];
@@ -21843,7 +22098,7 @@ static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) 
     for (int c = 0; c < 3 && shader->sweep->first; ++c)
         spsi_store(list->radiance[c], spsi_fma(spsi_load(list->albedo[c]), spsi_set(frame->given.ambient[c]),
                                                spsi_load(list->emission[c])));
-    if (shader->sweep->first && frame->content->cells) spsi_surfaces_add_scattered(shader, NULL, list);
+    if (shader->sweep->first && shader->visible->received) spsi_surfaces_add_scattered(shader, NULL, list);
     for (int i = 0; i < frame->lights.count; ++i) {
         const spsi_light *light = &frame->lights.list[i];
         const spsi_shadow *shadow = NULL; /* another sweep's, or none */
@@ -22256,6 +22511,20 @@ static int spsi_end_rays(const spsi_shader *shader, int k, spsi_row *row) {
     return bits != 0;
 }
 
+static void spsi_pixels_behind(const spsi_shader *shader, spsi_pixels *p) {
+    const spsi_frame *frame = shader->frame;
+    const spsi_m blocked = spsi_less(p->polygon, spsi_set(SPSI_INFINITY));
+    float lanes[3][SPSI_LANES], toward[3][SPSI_LANES];
+    for (int k = 0; k < 3; ++k) spsi_store(toward[k], p->toward[k]);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const double way[3] = {(double)toward[0][i], (double)toward[1][i], (double)toward[2][i]};
+        for (int c = 0; c < 3; ++c)
+            lanes[c][i] = frame->given.ambient[c] +
+                          (frame->sky ? spsi_sky_at(frame->sky, way)[c] - frame->sky->low[c] : 0);
+    }
+    for (int c = 0; c < 3; ++c) p->behind[c] = spsi_select(blocked, spsi_set(0), spsi_load(lanes[c]));
+}
+
 /* Returns the number of nonempty slabs times `width`. */
 static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int width) {
     const spsi_shader *shader = shading->shader;
@@ -22270,6 +22539,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     row.slab.part_count = shader->frame->matter.classifies ? SPSI_SUBSLABS : 1;
     row.width = width;
     spsi_pixels_build(shader, x, y, &row.pixels);
+    if (shader->frame->content->cells) spsi_pixels_behind(shader, &row.pixels);
     for (int i = 0; i < shader->shadow_count; ++i) {
         row.slab.arrivals[i].plane = -1;
         spsi_row_linears_build(shader->shadows[i].along, row.pixels.at, (float)y, &row.slab.arrivals[i].linears);
@@ -22667,7 +22937,7 @@ SPSI_COLD double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *li
     for (int k = 0; k < 3; ++k) to[k] = grid->corner[k] + 0.5 * grid->edge * grid->size[k] - light->position[k];
     spsi_cone_ray(light, 0, 0, &ray);
     ray.high = spsi_length(to) + 0.87 * longest;
-    if (to_polygons && job->faces->count > 0) (void)spsi_ray_to_opaque(job->faces, &ray, &hit);
+    if (to_polygons && job->faces->count > 0) (void)spsi_ray_to_opaque(job->faces, -1, &ray, &hit);
     return spsi_dmax(0, spsi_dmin(2 - 16 * sqrt(versine * (2 - versine)) / (1 - versine) * ray.high / longest, 1));
 }
 
@@ -22886,7 +23156,7 @@ static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_di
         ray->direction[k] = view->grid->edge * (direction->back[k] + off * aside);
     }
     ray->high = HUGE_VAL;
-    return spsi_ray_to_opaque(view->faces, ray, hit);
+    return spsi_ray_to_opaque(view->faces, -1, ray, hit);
 }
 
 static int spsi_cell_view_near(const spsi_cell_view *first, int count) {
@@ -22979,7 +23249,7 @@ static int spsi_cell_wall_mean(const spsi_cell_grid *grid, const spsi_cell_wall 
     return spsi_normalise(normal);
 }
 
-/* Adds first flights reflected at the polygons' mean point. */
+/* Adds first flights and the sky reflected at the polygons' mean point. */
 static void spsi_cell_wall_fly(const spsi_cell_job *job, spsi_cell_wall *wall) {
     const spsi_cell_grid *grid = job->grid;
     double point[3], start[3], normal[3], irradiance[3] = {0, 0, 0};
@@ -22987,6 +23257,7 @@ static void spsi_cell_wall_fly(const spsi_cell_job *job, spsi_cell_wall *wall) {
     if (!spsi_cell_wall_mean(grid, wall, point, normal)) return;
     spsi_along(point, normal, 0.02 * grid->edge, start);
     spsi_flights_irradiance(&place, job->flights, irradiance);
+    if (job->frame->sky) spsi_sky_irradiance(&place, job->flights, irradiance);
     SPSI_ROLLED for (int c = 0; c < grid->channels; ++c)
         wall->lit[c] += (float)((double)wall->color[c] * irradiance[c] / SPSI_PI);
 }
@@ -23021,7 +23292,7 @@ static void spsi_cell_wall_find(const spsi_cell_job *job, const spsi_cell_view *
     for (int link = 0; link < 27 && near_by; ++link) {
         const int step[3] = {link % 3 - 1, link / 3 % 3 - 1, link / 9 - 1};
         const int within = link != 13 && spsi_cell_view_ray(view, step, &ray); /* 13: the cell itself */
-        if (!within || !spsi_ray_to_opaque(view->faces, &ray, &hit)) continue;
+        if (!within || !spsi_ray_to_opaque(view->faces, -1, &ray, &hit)) continue;
         wall->closed |= 1u << link;
         spsi_cell_hits_add(view, &ray, &hit, hits);
     }
@@ -23172,7 +23443,7 @@ SPSI_COLD void spsi_beams_list(const spsi_cell_job *job, const spsi_light *light
             spsi_hit hit;
             spsi_cone_ray(light, light->cone.none * (n + 0.5) / SPSI_BEAM_RINGS,
                           2 * SPSI_PI * (i + 0.5 * (n % 2)) / SPSI_BEAM_RINGS, &ray);
-            if (job->faces->count > 0 && spsi_ray_to_opaque(job->faces, &ray, &hit)) {
+            if (job->faces->count > 0 && spsi_ray_to_opaque(job->faces, -1, &ray, &hit)) {
                 spsi_cell_hits_add(&view, &ray, &hit, &hits);
                 hits.weight[last] = to_polygons * ray.high * ray.high /
                                     spsi_dmax(-spsi_dot(hits.surface[last].normal, ray.direction), 1e-3);
@@ -23210,7 +23481,7 @@ SPSI_COLD void spsi_patches_list(const spsi_cell_job *job, double covered, size_
                 spsi_hit hit;
                 for (int k = 0; k < 2; ++k) ray.origin[(axis + 1 + k) % 3] += grid->edge * (aside[k] - 0.5);
                 ray.direction[axis] = back * grid->edge;
-                if (spsi_ray_to_opaque(job->faces, &ray, &hit)) spsi_cell_hits_add(&view, &ray, &hit, &hits);
+                if (spsi_ray_to_opaque(job->faces, -1, &ray, &hit)) spsi_cell_hits_add(&view, &ray, &hit, &hits);
             }
             SPSI_ROLLED for (int i = 0; i < hits.count; ++i)
                 hits.weight[i] = flies * grid->edge * grid->edge / hits.count * fabs(hits.surface[i].normal[axis]);
@@ -23810,14 +24081,41 @@ SPSI_COLD void spsi_cells_take_flux(spsi_cell_job *job, int channel) {
     for (int n = 0; n < (1 + SPSI_CELL_TERMS) * SPSI_CELL_SHEET; ++n) sent[n] *= (float)out;
 }
 
-/* Sweeps light for polygons, without other polygons' light. */
+/* Sweeps light for polygons, without other polygons' light and the sky's. */
 SPSI_COLD void spsi_cells_light_polygons(spsi_cell_job *job) {
     spsi_cell_level *level = &job->solver->levels[0];
     const spsi_cell_wall *walls = level->walls;
+    const float *outside = level->outside;
     level->walls = NULL;
+    level->outside = NULL;
     spsi_cells_sweep(level);
     spsi_cells_take_flux(job, job->channel);
     level->walls = walls;
+    level->outside = outside;
+}
+
+/* Averages what the sky has above its least around each direction's origin, keeping the mean. */
+SPSI_COLD void spsi_cells_sky(const spsi_sky *sky, spsi_cell_solver *solver) {
+    double sums[3][SPSI_CELL_DIRECTIONS] = {{0}}, shares[SPSI_CELL_DIRECTIONS] = {0};
+    for (int n = 0; n < SPSI_SKY_TEXELS; ++n) {
+        double most = -1;
+        int nearest = 0;
+        for (int i = 0; i < SPSI_CELL_DIRECTIONS; ++i) {
+            const double *back = solver->directions[i].back;
+            double cosine = 0;
+            for (int k = 0; k < 3; ++k) cosine += back[k] * (double)sky->way[n][k];
+            if (cosine > most) most = cosine, nearest = i;
+        }
+        shares[nearest] += (double)sky->share[n];
+        for (int c = 0; c < 3; ++c) sums[c][nearest] += (double)(sky->share[n] * (sky->color[n][c] - sky->low[c]));
+    }
+    for (int c = 0; c < 3; ++c) {
+        double all = 0;
+        for (int i = 0; i < SPSI_CELL_DIRECTIONS; ++i)
+            all += (double)solver->directions[i].weight * sums[c][i] / shares[i];
+        const double scale = all > 0 ? (double)(sky->mean[c] - sky->low[c]) / all : 0;
+        for (int i = 0; i < SPSI_CELL_DIRECTIONS; ++i) solver->outside[c][i] = (float)(scale * sums[c][i] / shares[i]);
+    }
 }
 
 SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_call_stage *part) {
@@ -23830,6 +24128,8 @@ SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cal
     double last = 0;
     memset(level->depth, 0, (size_t)(solver->scratch - level->depth) * sizeof(float));
     level->walls = job->frame->matter.scatters ? job->walls : NULL; /* otherwise, media only absorb polygons' light */
+    const int enters = job->walls || job->frame->sky;
+    level->outside = job->frame->matter.scatters && enters ? solver->outside[job->channel] : NULL;
     spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
     for (int n = 0; n < SPSI_CELL_RETURNS; ++n) {
         const double change = level->walls ? spsi_cell_walls_send(job, job->channel, n > 0) : 0;
@@ -23855,6 +24155,7 @@ SPSI_COLD sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_call_st
     spsi_cell_solver solver;
     if (spsi_cell_solver_build(context, grid, &solver)) return context->result;
     job->solver = &solver;
+    if (job->frame->sky) spsi_cells_sky(job->frame->sky, &solver);
     solver.single = job->samples + grid->count; /* after the emitter indices */
     solver.set_count = grid->light_count * grid->peak_count;
     if (job->walls) {
@@ -23944,6 +24245,8 @@ static uint64_t spsi_scattered_fingerprint(const sps_context *context, const sps
     hash = spsi_fingerprint(hash, sizes, sizeof sizes);
     hash = spsi_fingerprint_word(hash, frame->meshes.count > 0 ? context->faces_held : 0);
     hash = spsi_fingerprint(hash, frame->given.ambient, sizeof frame->given.ambient);
+    if (frame->sky) hash = spsi_fingerprint(hash, frame->sky->color, sizeof frame->sky->color);
+    if (frame->sky) hash = spsi_fingerprint(hash, &frame->sky->rays.count, sizeof frame->sky->rays.count);
     SPSI_ROLLED for (int i = 0; i < frame->medium_count; ++i)
         hash = spsi_fingerprint(hash, &frame->media[i].channel, sizeof(int));
     SPSI_ROLLED for (int i = 0; i < frame->particles.set_count; ++i)
@@ -26089,7 +26392,7 @@ static void spsi_plan_polygon_bytes(sps_context *context, const spsi_frame *fram
     spsi_reserve(context, SPSI_BUFFER_FACE_ROWS, triangles, 4 * sizeof(int));
     spsi_reserve(context, SPSI_BUFFER_BLOCKS, SPSI_TRIANGLE_BATCH, sizeof(sps_triangle));
     spsi_reserve(context, SPSI_BUFFER_EYE_FACES, pixels, sizeof(spsi_hit));
-    if (spsi_uses_cells(frame) || frame->matter.emits) spsi_receive_reserve(context, frame, &received);
+    if (spsi_uses_cells(frame) || frame->matter.emits || frame->sky) spsi_receive_reserve(context, frame, &received);
     context->counted = &report->pass[SPS_PASS_LAYERS].bytes;
     spsi_layers_build(context, frame, &faces, NULL, &visible.layers);
     context->counted = &report->pass[SPS_PASS_TEXTURES].bytes;
@@ -26802,14 +27105,19 @@ SPSI_COLD void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *h
     spsi_appearance look;
     spsi_surface surface;
     spsi_point point;
+    double normal[3], lit[3] = {0, 0, 0};
     spsi_shading_point place = {hit, x, y, {(double)x, (double)y}, 0};
     spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
     memcpy(point.position, surface.point, sizeof point.position);
     point.surface = &surface;
     point.face = hit->face;
     spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->visible.set, &place), &look);
+    const spsi_flight_place at_once = {frame, marcher->faces, surface.point, surface.start, normal, hit->face};
+    memcpy(normal, surface.normal, sizeof normal);
+    if (frame->sky && ambient > 0 && spsi_normalise(normal)) spsi_sky_irradiance(&at_once, NULL, lit);
     for (int c = 0; c < 3; ++c) {
-        const double own = look.color[c] * ambient * (double)frame->given.ambient[c] + (double)look.emission[c];
+        const double around = spsi_dmax((double)frame->given.ambient[c] + lit[c] / SPSI_PI, 0);
+        const double own = look.color[c] * ambient * around + (double)look.emission[c];
         radiance[c] = spsi_enclosure_of(own, own);
     }
     for (int i = 0; i < frame->lights.count; ++i) {
@@ -28257,9 +28565,17 @@ static int spsi_path_goes_on(spsi_path *path) {
     return 1;
 }
 
+/* Takes ambient light, or the sky's. */
+static void spsi_path_escape(const spsi_frame *frame, spsi_path *path) {
+    const spsi_sky *sky = frame->sky;
+    const float *color = sky ? spsi_sky_at(sky, path->ray.direction) : NULL;
+    double around[3];
+    for (int c = 0; c < 3; ++c)
+        around[c] = (double)frame->given.ambient[c] + (color ? (double)color[c] - (double)sky->low[c] : 0);
+    spsi_path_take(path, around);
+}
+
 static void spsi_path_follow(const spsi_marcher *marcher, spsi_sample *sample, spsi_path *path) {
-    const double ambient[3] = {(double)marcher->frame->given.ambient[0], (double)marcher->frame->given.ambient[1],
-                               (double)marcher->frame->given.ambient[2]};
     do {
         spsi_hit hit;
         int part = -1;
@@ -28272,7 +28588,7 @@ static void spsi_path_follow(const spsi_marcher *marcher, spsi_sample *sample, s
         } else if (hit.face >= 0) {
             if (!spsi_path_on_face(marcher, &hit, path)) return;
         } else {
-            if (path->scattered > 0) spsi_path_take(path, ambient);
+            if (path->scattered > 0) spsi_path_escape(marcher->frame, path);
             return;
         }
     } while (spsi_path_goes_on(path));
@@ -28417,6 +28733,7 @@ typedef struct spsi_prober {
     spsi_probe_gas gas[SPSI_CELL_GRIDS];
     spsi_cell_job *job;  /* the grid being filled: its contents */
     int gas_count, filling, terms, directions;
+    double open[SPSI_PROBE_SUMS]; /* where there is nothing */
     int shines, scaled;  /* 1: radiance is wanted; some gas has a forward peak */
     int lobed[SPSI_MATERIALS_MAX], lobed_count; /* materials that are not isotropic */
     spsi_material lobes[SPSI_MATERIALS_MAX];    /* without peak */
@@ -28593,7 +28910,7 @@ static void spsi_probe_face(const spsi_prober *prober, const spsi_ray *ray, cons
         spsi_probe_light(prober, &prober->frame->lights.whole[l], hit->face, 0, &at, lit);
     const spsi_flight_place place = {prober->frame, &prober->faces, at.point, at.start, at.normal, hit->face};
     const spsi_cell_receiver to = {at.point, at.normal, NULL, 1};
-    if (content->flights) spsi_flights_irradiance(&place, content->flights, lit);
+    spsi_straight_irradiance(&place, lit);
     for (int n = 0; n < content->cell_grid_count; ++n) {
         double more[3] = {0, 0, 0};
         spsi_cells_irradiance(&content->cells[n], 0, content->cells->channels, &to, more);
@@ -28625,8 +28942,12 @@ static void spsi_probe_look(const spsi_prober *prober, const double point[3], co
         if (hit.face >= 0 && prober->shines) spsi_probe_face(prober, &ray, &hit, &path);
     } while (spsi_probe_filter(prober, hit.face, HUGE_VAL, &ray, &path));
     spsi_harmonics(back, harmonic);
-    for (int c = 0; c < channels; ++c)
+    const spsi_sky *lit = prober->shines ? prober->frame->sky : NULL;
+    for (int c = 0; c < channels; ++c) {
         for (int t = 0; t < prober->terms; ++t) path.sum[c] += (double)(path.terms[c][t] * harmonic[t]);
+        if (lit)
+            path.sum[c] += (path.filter[c] * path.through[c] - 1) * (double)(spsi_sky_at(lit, way)[c] - lit->low[c]);
+    }
     for (int c = 0; c < 3; ++c) {
         const double sum = weight * path.sum[spsi_imin(c, channels - 1)];
         sums[c] += weight * (path.filter[c] * exp(-path.depth) - 1);
@@ -28709,7 +29030,8 @@ static void spsi_probe_task(void *data, int item) {
         spsi_probe_lights(prober, point, sums, answer + SPSI_PROBE_SUMS);
     if (prober->out->sky || prober->shines) spsi_probe_sphere(prober, point, sums);
     for (int n = 0; n < SPSI_PROBE_SUMS; ++n) {
-        if (n < 6) sums[n] = spsi_dmax(0, sums[n] + (n < 3 ? 1 : (double)prober->frame->given.ambient[n - 3]));
+        sums[n] += prober->open[n];
+        if (n < 6) sums[n] = spsi_dmax(0, sums[n]);
         answer[n] = (float)spsi_dmax(-most, spsi_dmin(sums[n], most));
     }
 }
@@ -28724,6 +29046,8 @@ static void spsi_probe_source(const spsi_prober *prober, const spsi_probe_gas *g
     float *own = gas->cells + (cell * (size_t)grid->channels + (size_t)c) * spsi_probe_floats(prober), lit = 0;
     float *share = own + 2, *source = share + prober->lobed_count + prober->frame->lights.whole_count;
     for (int l = 0; l < prober->frame->lights.whole_count; ++l) lit += share[prober->lobed_count + l];
+    const spsi_sky *sky = content->cells ? prober->frame->sky : NULL; /* moments have what is above its least */
+    const float beyond = sky ? sky->mean[c] - sky->low[c] : 0;
     own[0] = 1;
     own[1] = spsi_fmin(prober->job->emitted[(size_t)c * grid->count + cell], SPSI_RADIANCE_MAX);
     for (int m = 0; m < prober->frame->matter.material_count; ++m) {
@@ -28732,7 +29056,7 @@ static void spsi_probe_source(const spsi_prober *prober, const spsi_probe_gas *g
         const float part = spsi_fmin(prober->job->scattered[array + cell] / depth, 1);
         const float peak = prober->scaled ? grid->peak[m] : 0;
         own[0] -= part * peak;
-        source[0] += part * (1 - peak) * material->ambient[c];
+        source[0] += part * (1 - peak) * (material->ambient[c] - beyond);
         if (spsi_phase_orders(material) > 1)
             *share++ = part;
         else
@@ -28834,6 +29158,17 @@ SPSI_COLD void spsi_probe_phases(spsi_prober *prober) {
     }
 }
 
+SPSI_COLD void spsi_probe_open(spsi_prober *prober) {
+    const spsi_sky *sky = prober->frame->sky;
+    for (int c = 0; c < 3; ++c) {
+        prober->open[c] = 1;
+        prober->open[3 + c] = (double)(prober->frame->given.ambient[c] + (sky ? sky->mean[c] - sky->low[c] : 0));
+        for (int n = 0; sky && n < SPSI_SKY_TEXELS; ++n)
+            for (int k = 0; k < 3; ++k)
+                prober->open[6 + 3 * c + k] += (double)(sky->share[n] * sky->color[n][c] * sky->way[n][k]);
+    }
+}
+
 SPSI_COLD void spsi_probes_write(const spsi_prober *prober, size_t count) {
     const size_t floats[] = {3, 3, 9, 3 * (size_t)prober->frame->lights.whole_count};
     float *const to[] = {prober->out->sky, prober->out->l0, prober->out->l1, prober->out->transmittance};
@@ -28878,6 +29213,7 @@ SPSI_COLD sps_result spsi_probes_frame(sps_context *context, spsi_frame *frame, 
     prober->positions = positions;
     prober->directions = directions[frame->view.quality];
     prober->shines = out->l0 || out->l1;
+    spsi_probe_open(prober);
     prober->stride = SPSI_PROBE_SUMS + 3 * (size_t)frame->lights.whole_count;
     prober->answers = (float *)spsi_reserve(context, SPSI_BUFFER_PROBE_ANSWERS, count, prober->stride * sizeof(float));
     if (!prober->answers || spsi_probes_begin(context, frame, prober)) return context->result;

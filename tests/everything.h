@@ -247,6 +247,7 @@ typedef enum base {
     EVALUATED,  /* a transfer function by eval_fn */
     CROPPED,    /* both volumes */
     BACKDROP,   /* background_fn */
+    SKY,        /* sky_fn */
     INVALID,    /* a voxel that is not a number */
     SMOOTH,     /* gas of many wide pixels, for tolerance */
     TABLES,     /* lights take tables of a size */
@@ -286,6 +287,8 @@ static inline void build_base(base b) {
         for (int i = 0; i < 2; ++i) memcpy(it.volume[i].crop, crop[i], sizeof crop[i]);
     } else if (b == BACKDROP) {
         it.scene.background_fn = paint_backdrop, it.scene.background_user = &it.backdrop;
+    } else if (b == SKY) {
+        it.scene.sky_fn = paint_backdrop, it.scene.sky_user = &it.backdrop;
     } else if (b == INVALID) {
         it.voxels[40] = (float)NAN, it.scene.replace_invalid = 1;
     } else if (b == SMOOTH) {

@@ -1,0 +1,441 @@
+/* The sky as a light: closed forms of what polygons and gas receive from it, the furnace, random paths, what its fields
+   refuse. */
+
+#include "check.h"
+
+enum { SIDE = 24, PIXELS = SIDE * SIDE };
+
+static sps_context *context;
+static check_scene s;
+static check_triangles faces;
+static float rgba[4 * PIXELS];
+static const float one = 1;
+
+/* A sky of two colors, parted across an axis, blurred over `blur` of its cosine. */
+typedef struct two_skies {
+    double up[3], above[3], below[3], blur;
+} two_skies;
+
+static int eval_two(void *user, size_t count, const float *directions, float *out) {
+    const two_skies *sky = (const two_skies *)user;
+    for (size_t i = 0; i < count; ++i) {
+        double up = 0;
+        for (int k = 0; k < 3; ++k) up += sky->up[k] * (double)directions[3 * i + (size_t)k];
+        const double share = fmin(1, fmax(0, 0.5 + 0.5 * up / sky->blur));
+        for (int c = 0; c < 3; ++c)
+            out[3 * i + (size_t)c] = (float)(share * sky->above[c] + (1 - share) * sky->below[c]);
+    }
+    return 0;
+}
+
+static two_skies half_sky = {{0, 0, 1}, {1, 1, 1}, {0, 0, 0}, 1e-6};
+
+static void add_sky(two_skies *sky) {
+    s.scene.sky_fn = eval_two;
+    s.scene.sky_user = sky;
+}
+
+/* A square about `centre`, spanned by u and v. */
+static void add_square(const double centre[3], const double u[3], const double v[3]) {
+    double corner[3], wide[3], high[3];
+    for (int k = 0; k < 3; ++k) {
+        corner[k] = centre[k] - u[k] - v[k];
+        wide[k] = 2 * u[k];
+        high[k] = 2 * v[k];
+    }
+    check_add_quad(&faces, corner, wide, high);
+}
+
+static sps_mesh *add_faces(double albedo) {
+    sps_mesh *mesh = &s.mesh[s.scene.mesh_count++];
+    mesh->triangle_count = faces.count;
+    mesh->read_fn = check_read_triangles;
+    mesh->user = &faces;
+    check_color(mesh->albedo, albedo, albedo, albedo);
+    return mesh;
+}
+
+/* Looks from `from` at `at`, over a height of `size`. */
+static void look(const double from[3], const double at[3], double size) {
+    memset(&s.view.camera, 0, sizeof s.view.camera);
+    memcpy(s.view.camera.position, from, sizeof s.view.camera.position);
+    memcpy(s.view.camera.target, at, sizeof s.view.camera.target);
+    s.view.camera.ortho_height = size;
+}
+
+static const double origin[3], y_axis[3] = {0, 1, 0};
+
+/* A tilted square sees (1 + cos) / 2 of the upper half; a square with a normal map of any kind sees its own hemisphere.
+   The 9216 texels' edges follow the horizon exactly where up is z. */
+static void test_open(void) {
+    for (int i = 0; i <= 6; ++i) {
+        const double angle = PI * i / 6, u[3] = {cos(angle), 0, -sin(angle)}, n[3] = {sin(angle), 0, cos(angle)};
+        check_clear(&s, SIDE, SIDE);
+        faces.count = 0;
+        add_square(origin, u, y_axis);
+        add_faces(0.5);
+        add_sky(&half_sky);
+        look(n, origin, 0.5);
+        if (!check_render(context, &s, rgba)) continue;
+        const double exact = 0.25 * (1 + cos(angle));
+        if (figures()) printf("tilt %g: %.5f exact %.5f\n", angle, (double)rgba[0], exact);
+        CHECK_NEAR((double)rgba[0], exact, 0.001);
+    }
+}
+
+/* A black ball of radius 1 touches a white floor: it hides R^3 / (x^2 + R^2)^1.5 of it. */
+static void test_ball(void) {
+    static check_triangles ball;
+    static const double most[] = {0, 0.04, 0.02, 0.01, 0.004};
+    enum { RINGS = 48 };
+    for (int quality = SPS_QUALITY_DRAFT; quality <= SPS_QUALITY_ULTRA; ++quality) {
+        double worst = 0, sum = 0;
+        check_clear(&s, SIDE, SIDE);
+        s.view.quality = (sps_quality)quality;
+        faces.count = ball.count = 0;
+        const double wide[3] = {50, 0, 0}, high[3] = {0, 50, 0};
+        add_square(origin, wide, high);
+        add_faces(1);
+        for (int i = 0; i < RINGS; ++i)
+            for (int k = 0; k < 2 * RINGS; ++k) {
+                double at[4][3];
+                for (int n = 0; n < 4; ++n) {
+                    const double up = PI * (i + n / 2) / RINGS, turn = PI * (k + (n == 1 || n == 2)) / RINGS;
+                    at[n][0] = sin(up) * cos(turn), at[n][1] = sin(up) * sin(turn), at[n][2] = 1 + cos(up);
+                }
+                check_add_corners(&ball, at[0], at[1], at[2]);
+                check_add_corners(&ball, at[0], at[2], at[3]);
+            }
+        sps_mesh *mesh = &s.mesh[s.scene.mesh_count++];
+        mesh->triangle_count = ball.count;
+        mesh->read_fn = check_read_triangles;
+        mesh->user = &ball;
+        add_sky(&half_sky);
+        const double above[3] = {2.6, 0, 9}, down[3] = {2.6, 0, 0};
+        look(above, down, 3);
+        s.view.camera.up[1] = 1;
+        if (!check_render(context, &s, rgba)) continue;
+        for (int n = 0; n < PIXELS; ++n) {
+            const double x = 2.6 + 3 * ((n % SIDE + 0.5) / SIDE - 0.5), y = 3 * (0.5 - (n / SIDE + 0.5) / SIDE);
+            const double exact = 1 - pow(x * x + y * y + 1, -1.5);
+            const double off = (double)rgba[4 * n] - exact;
+            worst = fmax(worst, fabs(off));
+            sum += off * off / PIXELS;
+        }
+        if (figures()) printf("ball on a floor, quality %d: rms %.5f, most %.5f\n", quality, sqrt(sum), worst);
+        CHECK(sqrt(sum) < most[quality]);
+        CHECK(worst < 5 * most[quality]);
+    }
+}
+
+static void add_gas(double half, double high, double depth, double albedo) {
+    sps_volume *gas = check_add_volume(&s, 48, 48, 8, check_box(-half, -half, 0, half, half, high));
+    gas->eval_fn = check_eval_constant;
+    gas->user = (void *)(size_t)&one;
+    gas->extinction = (float)(depth / high);
+    check_color(gas->albedo, albedo, albedo, albedo);
+    s.view.scattering = SPS_SCATTERING_MULTIPLE;
+}
+
+/* Net flux through a wide slab under a sky white above and black below, by probes on both sides. An absorbing slab
+   passes 2 E3 of the light; one that only scatters passes Q [Heaslet & Warming 1965]. */
+static void test_slab(void) {
+    static const double depth[] = {0.2, 0.5, 1}, passes[] = {0.8491, 0.7040, 0.5532},
+                        absorbs[] = {0.7038, 0.4432, 0.2194};
+    static const double points[] = {0, 0, -0.3, 0, 0, 0.8};
+    for (int i = 0; i < 6; ++i) {
+        float l1[18];
+        sps_probe_arrays out;
+        memset(&out, 0, sizeof out);
+        out.l1 = l1;
+        check_clear(&s, SIDE, SIDE);
+        s.view.quality = SPS_QUALITY_ULTRA;
+        add_sky(&half_sky);
+        add_gas(6, 0.5, depth[i % 3], i / 3);
+        if (!CHECK_OK(context, sps_light_probes(context, &s.scene, &s.view, 2, points, &out))) continue;
+        const double exact = i / 3 ? passes[i % 3] : absorbs[i % 3];
+        if (figures())
+            printf("slab %g albedo %d: %.4f, above %.4f, exact %.4f\n", depth[i % 3], i / 3, 4 * (double)l1[2],
+                   4 * (double)l1[11], exact);
+        CHECK_NEAR(4 * (double)l1[2], exact, 0.02 * exact);
+        CHECK_NEAR((double)l1[11], i / 3 ? (double)l1[2] : 0.25, 0.001);
+    }
+}
+
+static void test_furnace(void) {
+    two_skies white = {{0, 0, 1}, {1, 1, 1}, {1, 1, 1}, 1};
+    for (int i = 0; i < 4; ++i) {
+        check_clear(&s, SIDE, SIDE);
+        faces.count = 0;
+        const double wide[3] = {1, 0, 0}, high[3] = {0, 1, 0}, up[3] = {0, 0, 1}, at[3] = {0, 0.5, 0};
+        add_square(at, wide, high);
+        add_square(at, wide, up);
+        if (i & 1) add_faces(1);
+        add_sky(&white);
+        if (i & 2) add_gas(1, 1, 3, 1);
+        check_color(s.scene.background, 1, 1, 1);
+        const double from[3] = {3, -4, 2};
+        look(from, at, 3);
+        if (!check_render(context, &s, rgba)) continue;
+        double most = 0;
+        for (int n = 0; n < 4 * PIXELS; ++n) most = fmax(most, n % 4 < 3 ? fabs((double)rgba[n] - 1) : 0);
+        if (figures()) printf("furnace %d: %.6f\n", i, most);
+        CHECK(most < (i == 2 ? 0.0031 : 1e-5));
+    }
+}
+
+/* A cloud under a blue sky over a brown ground. */
+static void test_cloud(void) {
+    two_skies day = {{0, 0, 1}, {0.3, 0.5, 1}, {0.2, 0.15, 0.1}, 0.3};
+    for (int i = 0; i < 4; ++i) {
+        check_clear(&s, SIDE, SIDE);
+        faces.count = 0;
+        const double low[3] = {0, 0, -0.7}, wide[3] = {2, 0, 0}, high[3] = {0, 2, 0};
+        add_square(low, wide, high);
+        if (i & 1) add_faces(0.5), check_color(s.mesh[0].albedo, 0.5, 0.35, 0.2);
+        add_sky(&day);
+        sps_volume *cloud = check_add_puff(&s, 8);
+        check_color(cloud->albedo, 0.99, 0.98, 0.97);
+        static const sps_lobe ahead = {0.7f, 1};
+        cloud->lobes = i & 2 ? &ahead : NULL;
+        cloud->lobe_count = i & 2 ? 1 : 0;
+        s.view.scattering = SPS_SCATTERING_AUTO;
+        const double from[3] = {3, -4, 1}, at[3] = {0, 0, -0.2};
+        look(from, at, 2.2);
+        char name[32];
+        snprintf(name, sizeof name, "cloud %d", i);
+        check_paths(context, &s, name, 64, 0.03);
+    }
+}
+
+/* ------------------------------------------------------------------------------------------------------ polygons */
+
+/* A trench's floor, between black walls of height h: a point at distances a and b from them sees half the sum of
+   a / sqrt(a^2 + h^2) and the same of b. White walls reflect the sky as if nothing shadowed them: half of a half-white
+   one. Root mean square over the floor's width. */
+static void test_trench(void) {
+    for (int i = 0; i < 6; ++i) {
+        const double high = 0.5 + 0.5 * (i % 3), white = i / 3;
+        static const double wide[3] = {0.5, 0, 0}, along[3] = {0, 100, 0};
+        const double up[3] = {0, 0, 0.5 * high}, left[3] = {-0.5, 0, 0.5 * high}, right[3] = {0.5, 0, 0.5 * high};
+        check_triangles walls;
+        memset(&walls, 0, sizeof walls);
+        check_clear(&s, SIDE, SIDE);
+        faces.count = 0;
+        add_square(origin, wide, along);
+        add_faces(1);
+        const check_triangles floor = faces;
+        faces = walls;
+        add_square(left, up, along), add_square(right, up, along);
+        walls = faces, faces = floor;
+        sps_mesh *mesh = &s.mesh[s.scene.mesh_count++];
+        mesh->triangle_count = walls.count, mesh->read_fn = check_read_triangles, mesh->user = &walls;
+        check_color(mesh->albedo, white, white, white);
+        s.view.quality = SPS_QUALITY_ULTRA;
+        add_sky(&half_sky);
+        if (check_render(context, &s, rgba)) {
+            double square = 0, mean = 0;
+            for (int n = 0; n < PIXELS; ++n) {
+                const double near_by = (n % SIDE + 0.5) / SIDE, far_off = 1 - near_by;
+                const double seen = 0.5 * (near_by / hypot(near_by, high) + far_off / hypot(far_off, high));
+                const double exact = seen + white * 0.5 * (1 - seen);
+                square += pow((double)rgba[4 * n] - exact, 2) / PIXELS;
+                mean += exact / PIXELS;
+            }
+            if (figures()) printf("trench %g, walls %g: %.4f of %.4f\n", high, white, sqrt(square), mean);
+            CHECK(sqrt(square) < 0.02 * mean);
+        }
+        check_free_triangles(&walls);
+    }
+}
+
+/* A translucent pane filters the sky by its transmittance, per channel. */
+static void test_pane(void) {
+    static const double wide[3] = {1000, 0, 0}, high[3] = {0, 1000, 0};
+    const double above[3] = {0, 0, 20};
+    check_triangles pane;
+    memset(&pane, 0, sizeof pane);
+    check_clear(&s, SIDE, SIDE);
+    faces.count = 0;
+    add_square(origin, wide, high);
+    add_faces(1);
+    const check_triangles floor = faces;
+    faces = pane;
+    add_square(above, wide, high);
+    pane = faces, faces = floor;
+    sps_mesh *mesh = &s.mesh[s.scene.mesh_count++];
+    mesh->triangle_count = pane.count, mesh->read_fn = check_read_triangles, mesh->user = &pane;
+    check_color(mesh->transmittance, 0.5, 0.25, 0.75);
+    add_sky(&half_sky);
+    if (check_render(context, &s, rgba))
+        for (int c = 0; c < 3; ++c) CHECK_NEAR((double)rgba[c], (double)mesh->transmittance[c], 0.03);
+    check_free_triangles(&pane);
+}
+
+/* The reference lights polygons by the same rays, and single scattering sees the sky's mean. */
+static void test_reference(void) {
+    static float marched[4 * PIXELS];
+    two_skies day = {{0.6, 0, 0.8}, {0.3, 0.5, 1}, {0.2, 0.15, 0.1}, 0.5};
+    check_clear(&s, SIDE, SIDE);
+    faces.count = 0;
+    const double low[3] = {0, 0, -0.7}, wide[3] = {2, 0, 0}, high[3] = {0, 2, 0}, up[3] = {0, 0, 2};
+    add_square(low, wide, high), add_square(low, wide, up);
+    add_faces(0.5);
+    check_add_puff(&s, 3);
+    check_color(s.volume[0].albedo, 0.9, 0.8, 0.7);
+    add_sky(&day);
+    check_color(s.scene.ambient, 0.1, 0, 0.2);
+    const double from[3] = {3, -4, 1.5};
+    look(from, origin, 2.5);
+    s.view.quality = SPS_QUALITY_HIGH;
+    if (!check_render(context, &s, rgba) || !check_march(context, &s, 0.25, marched, NULL)) return;
+    if (figures()) printf("reference: %.5f\n", error_of(rgba, marched, PIXELS));
+    CHECK(error_of(rgba, marched, PIXELS) < 0.003);
+}
+
+/* --------------------------------------------------------------------------------------------------------- the calls
+ */
+
+static void build_all(void) {
+    static two_skies day = {{0, 0, 1}, {0.3, 0.5, 1}, {0.2, 0.15, 0.1}, 0.3};
+    check_clear(&s, 9, 7);
+    faces.count = 0;
+    const double low[3] = {0, 0, -0.7}, wide[3] = {2, 0, 0}, high[3] = {0, 2, 0}, up[3] = {0, 0, 2};
+    add_square(low, wide, high), add_square(low, wide, up);
+    add_faces(0.5);
+    check_add_puff(&s, 3);
+    add_sky(&day);
+    const double from[3] = {3, -4, 1.5};
+    look(from, origin, 2.5);
+    s.view.quality = SPS_QUALITY_DRAFT;
+    s.view.scattering = SPS_SCATTERING_MULTIPLE;
+    s.view.scattering_resolution = 8;
+}
+
+typedef struct bad_sky {
+    int result;
+    double color;
+} bad_sky;
+
+static int eval_bad(void *user, size_t count, const float *directions, float *out) {
+    const bad_sky *bad = (const bad_sky *)user;
+    (void)directions;
+    for (size_t i = 0; i < 3 * count; ++i) out[i] = i == 3 * count - 2 ? (float)bad->color : 1;
+    return bad->result;
+}
+
+static void test_errors(void) {
+    static const bad_sky bad[] = {{0, NAN}, {0, -1}, {0, INFINITY}, {0, 1e19}, {5, 1}};
+    build_all();
+    for (int i = 0; i < 5; ++i) {
+        s.scene.sky_fn = eval_bad;
+        s.scene.sky_user = (void *)(size_t)&bad[i];
+        check_fails(context, &s, rgba, i < 4 ? SPS_ERROR_DATA : SPS_ERROR_CALLBACK,
+                    i < 4 ? "scene.sky_fn's color is " : "scene.sky_fn failed: it returned 5");
+    }
+    build_all();
+    s.view.sky_samples = 513;
+    check_fails(context, &s, rgba, SPS_ERROR_ARGUMENT, "view.sky_samples is 513; it must be 0..512");
+    s.view.sky_samples = -1;
+    check_fails(context, &s, rgba, SPS_ERROR_ARGUMENT, "view.sky_samples is -1");
+    s.view.sky_samples = 0;
+    CHECK(check_try(context, &s, rgba) == SPS_OK);
+}
+
+static void test_failing(void) {
+    static float exact[4 * PIXELS];
+    build_all();
+    check_workers(&s, rgba, exact);
+    check_failing(&s, 0, 8, rgba, exact);
+    check_failing(&s, 1, 8, rgba, exact);
+}
+
+/* A cached context follows the sky, which changes gas and polygons, and back. */
+static void test_cached(void) {
+    static float exact[4 * PIXELS], other[4 * PIXELS];
+    two_skies day = {{0, 0, 1}, {1, 1, 1}, {0, 0, 0}, 0.3}, turned = {{1, 0, 0}, {1, 1, 1}, {0, 0, 0}, 0.3};
+    build_all();
+    s.volume[0].revision = 1, s.mesh[0].revision = 1;
+    for (int i = 0; i < 3; ++i) {
+        add_sky(i & 1 ? &turned : &day);
+        check_render_plain(&s, exact);
+        if (!check_render(context, &s, rgba)) continue;
+        CHECK(check_same(&s, rgba, exact));
+        if (i == 1) CHECK(check_largest(exact, other, 4 * 63) > 0.01);
+        memcpy(other, exact, sizeof other);
+    }
+}
+
+/* Thin isotropic gas sees the mean; thin gas with lobes scatters by direction. */
+static void test_auto(void) {
+    static const sps_lobe ahead = {0.7f, 1};
+    for (int i = 0; i < 2; ++i) {
+        sps_stats_report stats;
+        check_clear(&s, 8, 8);
+        check_color(check_add_puff(&s, 0.001)->albedo, 1, 1, 1);
+        s.volume[0].lobes = i ? &ahead : NULL, s.volume[0].lobe_count = i;
+        add_sky(&half_sky);
+        s.view.scattering = SPS_SCATTERING_AUTO;
+        if (!check_render(context, &s, rgba)) continue;
+        sps_get_stats(context, &stats);
+        CHECK((stats.cells > 0) == i);
+    }
+}
+
+/* A plan calls sky_fn, and its bytes are enough. */
+static void test_plan(void) {
+    check_hooks hooks;
+    sps_plan_report plan;
+    build_all();
+    s.view.scattering = SPS_SCATTERING_SINGLE;
+    memset(&hooks, 0, sizeof hooks);
+    sps_context *by = check_context(&hooks);
+    if (CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &plan)) && check_render(by, &s, rgba)) {
+        if (figures()) printf("plan: %zu, peak %zu\n", plan.bytes, hooks.peak);
+        CHECK(hooks.peak <= plan.bytes);
+    }
+    sps_destroy(by);
+}
+
+/* Probes: beside nothing the sky itself; in a black box nothing; mean and vector of a half-white sky. */
+static void test_probes(void) {
+    static const double points[] = {0, 0, 5, 0, 0, -5};
+    float l0[6], l1[18];
+    sps_probe_arrays out;
+    memset(&out, 0, sizeof out);
+    out.l0 = l0, out.l1 = l1;
+    check_clear(&s, 8, 8);
+    faces.count = 0;
+    const double wide[3] = {1000, 0, 0}, high[3] = {0, 1000, 0};
+    add_square(origin, wide, high);
+    add_faces(0.5);
+    add_sky(&half_sky);
+    s.view.quality = SPS_QUALITY_ULTRA;
+    check_color(s.scene.ambient, 0.25, 0, 0);
+    if (!CHECK_OK(context, sps_light_probes(context, &s.scene, &s.view, 2, points, &out))) return;
+    if (figures()) printf("probes: %g %g, %g %g\n", (double)l0[0], (double)l1[2], (double)l0[3], (double)l1[11]);
+    CHECK_NEAR((double)l0[0], 0.5 + 0.125 + 0.5 * 0.625, 0.01);
+    CHECK_NEAR((double)l0[1], 0.5 + 0.25, 0.01);
+    CHECK_NEAR((double)l1[5], 0.25 - 0.5 * 0.25, 0.01);
+    CHECK_NEAR((double)l0[4], 0, 0.01);
+}
+
+int main(void) {
+    context = check_context(NULL);
+    RUN(test_open);
+    RUN(test_ball);
+    RUN(test_slab);
+    RUN(test_furnace);
+    RUN(test_trench);
+    RUN(test_pane);
+    RUN(test_reference);
+    RUN(test_errors);
+    RUN(test_failing);
+    RUN(test_cached);
+    RUN(test_auto);
+    RUN(test_plan);
+    RUN(test_probes);
+    RUN(test_cloud);
+    sps_destroy(context);
+    return check_report();
+}

@@ -27,6 +27,7 @@ static int is_given(const arguments *all, const char *option) {
 /* Lists end with NULL. */
 static const refusal refused_by_all[] = {{"--exr-type", "give --texels"},
                                          {"--stats", "render writes statistics"},
+                                         {"--part", "render has it"},
                                          {"--plan", "render prints plans"},
                                          {"--list-grids", "render lists grids"},
                                          {NULL, NULL}};

@@ -2,9 +2,9 @@
    and OBJ meshes in; PNG, PFM, OpenEXR, Radiance HDR and statistics out. Exit status: 0 done; 1 the render failed; 2 an
    option or a file was wrong. The last two with one line on stderr. */
 
-#include "exr.h"
-#include "picture.h"
+#include "part.h"
 #include "render_scene.h"
+#include "results.h"
 
 #include <inttypes.h>
 
@@ -87,9 +87,109 @@ static int write_stats(const char *path, const sps_context *context, ex_error *e
     return ex_output_end(&output, error);
 }
 
+/* ================================================================================================= parts */
+
+/* Lines that say what was rendered. */
+typedef struct picture_text {
+    char *text;
+    size_t length, capacity;
+} picture_text;
+
+/* Adds a line, in which no other begins. */
+static void add_line(picture_text *lines, const char *text) {
+    for (;; ++text) {
+        lines->text = (char *)ex_grow(lines->text, lines->length, &lines->capacity, 1);
+        lines->text[lines->length++] = *text && *text != '\n' ? *text : *text ? '?' : '\n';
+        if (!*text) return;
+    }
+}
+
+/* Adds an option whose value is or ends with a file. What counts is what is in the file, and its name without folders,
+   which may differ between machines. */
+static int add_file(picture_text *lines, const char *option, const char *path, ex_error *error) {
+    char line[400];
+    const char *slash = strrchr(path, '/');
+    uint32_t checksum = 0;
+    uint64_t size = 0;
+    if (ex_file_checksum(path, &checksum, &size, error)) return 1;
+    snprintf(line, sizeof line, "%s %s: checksum %08x, %llu bytes", option, ex_quoted(slash ? slash + 1 : path).text,
+             checksum, (unsigned long long)size);
+    add_line(lines, line);
+    return 0;
+}
+
+/* Adds an option. Those that do not change the picture are left out. */
+static int add_setting_line(picture_text *lines, const setting *given, ex_error *error) {
+    static const char *const no_matter[] = {"--part",       "--threads", "--max-bytes", "--out",
+                                            "--exr-type",   "--plan",    "--stats",     "--exr-compression",
+                                            "--list-grids", "--help",    NULL};
+    const char *name = given->rule->name, *value = given->value ? given->value : "";
+    const char *image = given->rule->apply == add_light ? find_image(value) : NULL;
+    if (ex_find_name(no_matter, name) >= 0) return 0;
+    if (given->rule->form && strncmp(given->rule->form, "FILE", 4) == 0) return add_file(lines, name, value, error);
+    if (image && add_file(lines, name, image, error)) return 1;
+    char *line = (char *)ex_allocate(strlen(name) + strlen(value) + 2, 1);
+    const size_t length = image ? (size_t)(image - value) : strlen(value);
+    sprintf(line, "%s %.*s", name, (int)length, value);
+    add_line(lines, line);
+    free(line);
+    return 0;
+}
+
+/* Adds a file that another names, which holds its voxels. */
+static int add_detached(picture_text *lines, const char *path, const char *detached, ex_error *error) {
+    if (!*detached || ex_same_file(path, detached)) return 0;
+    return add_file(lines, "voxels of", detached, error);
+}
+
+/* Says all that decides what the picture looks like, before anything is read: files may change while it is rendered.
+   The caller frees the lines. */
+static int describe_picture(const arguments *all, picture_text *lines, ex_error *error) {
+    for (size_t i = 0; i < all->settings->count; ++i)
+        if (add_setting_line(lines, &all->settings->list[i], error)) return 1;
+    for (int i = 0; i < all->volume_count; ++i) {
+        const volume_arguments *volume = &all->volumes[i];
+        const char *const colors[2] = {volume->albedo_file, volume->emission_file};
+        if (add_detached(lines, volume->file, volume->voxels.path, error)) return 1;
+        for (int k = 0; k < 2; ++k) {
+            ex_volume_file file;
+            if (!colors[k]) continue;
+            if (ex_volume_file_read(&file, colors[k], error)) return 1;
+            if (add_detached(lines, colors[k], file.voxels.path, error)) return 1;
+        }
+    }
+    return 0;
+}
+
+static int write_part(const arguments *all, const picture_text *lines, const ex_exr *picture, const sps_image *image,
+                      ex_error *error) {
+    char build[1000];
+    ex_part part;
+    memset(&part, 0, sizeof part);
+    part.path = all->out;
+    part.width = picture->width, part.height = picture->height;
+    part.number = all->part[0], part.count = all->part[1];
+    part.screen_width = picture->screen_width;
+    ex_part_build(build, sizeof build);
+    part.build = build, part.build_size = strlen(build);
+    part.options = lines->text, part.options_size = lines->length;
+    return ex_write_part(&part, image->rgba, image->depth, error);
+}
+
+/* Renders the rows of one part. */
+static void choose_rows(arguments *all) {
+    const ex_part part = {.height = all->height, .count = all->part[1]};
+    const int top = ex_part_row(&part, all->part[0]), below = ex_part_row(&part, all->part[0] + 1);
+    const int region[4] = {0, top, all->width, below - top};
+    memcpy(all->region, region, sizeof region);
+}
+
 /* ============================================================================================ the program */
 
-static int write_exr(const arguments *all, const sps_view *view, const sps_image *image, ex_error *error) {
+/* Writes the picture, or the part of it. */
+static int write_picture(const arguments *all, const picture_text *lines, const sps_view *view, const sps_image *image,
+                         ex_error *error) {
+    const ex_results files = {all->out, all->pfm, all->alpha_pfm, all->exr, all->radiance_hdr};
     ex_exr picture;
     memset(&picture, 0, sizeof picture);
     picture.rgba = image->rgba, picture.depth = image->depth;
@@ -98,25 +198,19 @@ static int write_exr(const arguments *all, const sps_view *view, const sps_image
     picture.screen_width = 2 * tan(0.5 * view->camera.field_of_view) * view->width / view->height;
     picture.is_float = strcmp(exr_type_names[all->exr_type], "float") == 0;
     picture.zip = strcmp(exr_compression_names[all->exr_compression], "zip") == 0;
-    return ex_write_exr(all->exr, &picture, error);
+    if (has(all->given, "--part")) return write_part(all, lines, &picture, image, error);
+    return ex_write_results(&files, &picture, error);
 }
 
-static int write_files(const arguments *all, const ex_session *session, const sps_view *view, const sps_image *image,
-                       ex_error *error) {
-    const float *rgba = image->rgba;
-    const int width = view->region[2] ? view->region[2] : view->width;
-    const int height = view->region[2] ? view->region[3] : view->height;
-    if (all->out && ex_write_png(all->out, rgba, width, height, error)) return 1;
-    if (all->pfm && ex_write_pfm(all->pfm, rgba, width, height, 0, 3, error)) return 1;
-    if (all->alpha_pfm && ex_write_pfm(all->alpha_pfm, rgba, width, height, 3, 1, error)) return 1;
-    if (all->exr && write_exr(all, view, image, error)) return 1;
-    if (all->radiance_hdr && ex_write_hdr(all->radiance_hdr, rgba, width, height, error)) return 1;
+static int write_files(const arguments *all, const picture_text *lines, const ex_session *session, const sps_view *view,
+                       const sps_image *image, ex_error *error) {
+    if (write_picture(all, lines, view, image, error)) return 1;
     return all->stats ? write_stats(all->stats, session->context, error) : 0;
 }
 
 /* Returns the exit status. */
-static int render(const arguments *all, ex_session *session, const sps_scene *scene, const sps_view *view,
-                  ex_error *error) {
+static int render(const arguments *all, const picture_text *lines, ex_session *session, const sps_scene *scene,
+                  const sps_view *view, ex_error *error) {
     sps_image image;
     sps_reference_settings reference;
     const size_t width = (size_t)(view->region[2] ? view->region[2] : view->width);
@@ -126,14 +220,14 @@ static int render(const arguments *all, ex_session *session, const sps_scene *sc
     reference.step = all->slab > 0 ? all->slab : 0.5;
     reference.samples = all->samples;
     image.rgba = (float *)ex_allocate(width * height, 4 * sizeof *image.rgba);
-    if (all->exr) image.depth = (float *)ex_allocate(width * height, sizeof *image.depth);
+    if (all->exr || has(all->given, "--part")) image.depth = (float *)ex_allocate(width * height, sizeof *image.depth);
     const sps_result result = is_marched(all) ? sps_reference(session->context, scene, view, &reference, &image)
                                               : sps_render(session->context, scene, view, &image);
     ex_progress_end(&session->progress);
     int status = EX_OK;
     if (result != SPS_OK)
         status = explain(all, session, result, error);
-    else if (write_files(all, session, view, &image, error))
+    else if (write_files(all, lines, session, view, &image, error))
         status = EX_MISTAKEN;
     if (result == SPS_OK && (all->budget_seconds > 0 || all->budget_error > 0) && !is_marched(all)) {
         sps_stats_report stats;
@@ -150,7 +244,7 @@ static int render(const arguments *all, ex_session *session, const sps_scene *sc
 }
 
 /* Loads the scene, and plans or renders it. Returns the exit status. */
-static int run_checked(arguments *all, const scene_arrays *arrays, ex_error *error) {
+static int run_checked(arguments *all, const picture_text *lines, const scene_arrays *arrays, ex_error *error) {
     ex_session session;
     sps_scene scene;
     sps_view view;
@@ -160,8 +254,8 @@ static int run_checked(arguments *all, const scene_arrays *arrays, ex_error *err
     tell_backgrounds(all);
     make_view(all, &view);
     if (ex_session_begin(&session, all->threads, error)) return EX_FAILED;
-    const int status =
-        all->plan ? print_plan(all, &session, &scene, &view, error) : render(all, &session, &scene, &view, error);
+    const int status = all->plan ? print_plan(all, &session, &scene, &view, error)
+                                 : render(all, lines, &session, &scene, &view, error);
     ex_session_end(&session);
     return status;
 }
@@ -196,6 +290,7 @@ static int list_grids(const arguments *all, ex_error *error) {
 static int run(arguments *all, ex_error *error) {
     static const char *const none[] = {NULL};
     scene_arrays arrays;
+    picture_text lines = {NULL, 0, 0};
     if (apply_settings(all, error)) return EX_MISTAKEN;
     if (all->help) {
         print_help(RENDER, "render [options]", none);
@@ -203,9 +298,14 @@ static int run(arguments *all, ex_error *error) {
     }
     if (all->list_grids) return list_grids(all, error) ? EX_MISTAKEN : EX_OK;
     if (find_volumes(all, error) || check(all, error)) return EX_MISTAKEN;
+    if (has(all->given, "--part")) {
+        choose_rows(all);
+        if (describe_picture(all, &lines, error)) return free(lines.text), EX_MISTAKEN;
+    }
     begin_scene(&arrays, all->settings);
-    const int status = run_checked(all, &arrays, error);
+    const int status = run_checked(all, &lines, &arrays, error);
     free_scene(&arrays);
+    free(lines.text);
     return status;
 }
 

@@ -125,8 +125,8 @@ typedef struct arguments {
     light_arguments *lights;
     int volume_count, particle_set_count, mesh_count, light_count;
     double camera[6], up[3], fov, ortho, ambient[3], background[3], slab;
-    int width, height, region[4], coverage, shadow_resolution, quality, no_shadows, reference, samples, scattering,
-        scattering_resolution, filling, threads, replace_invalid, plan, list_grids, help;
+    int width, height, region[4], part[2], coverage, shadow_resolution, quality, no_shadows, reference, samples,
+        scattering, scattering_resolution, filling, threads, replace_invalid, plan, list_grids, help;
     int shadow, map_size, table_size;
     double map_epsilon, scattering_tolerance, tolerance, budget_seconds, budget_error, max_bytes;
     sps_tmap_settings map; /* of all lights that cast shadows by maps; options set its fields */
@@ -161,8 +161,8 @@ static const char *const shadow_names[] = {"sheets",  "deep",   "compressed", "o
 static const char *const exr_type_names[] = {"half", "float", NULL};
 static const char *const exr_compression_names[] = {"zip", "none", NULL};
 /* Cards of six-way lightmaps; then those of maps, in the order of sps_export_layout. */
-static const char *const layout_names[] = {"unity", "o3de-tlrb", "o3de-lrt", "godot", "array",
-                                           "slices", "atlas",    "cube",     NULL};
+static const char *const layout_names[] = {"unity",  "o3de-tlrb", "o3de-lrt", "godot", "array",
+                                           "slices", "atlas",     "cube",     NULL};
 enum { FIRST_MAP_LAYOUT = 4 };
 static const char *const convention_names[] = {"unreal", "library", NULL};
 static const char *const alpha_names[] = {"straight", "premultiplied", NULL};
@@ -229,6 +229,20 @@ static int set_integers(const option_rule *rule, arguments *all, void *place, co
     if (!within(numbers, rule->count, rule->lo, rule->hi))
         return outside(rule, value, rule->form, rule->lo, rule->hi, error);
     for (int i = 0; i < rule->count; ++i) out[i] = (int)numbers[i];
+    return 0;
+}
+
+/* I/N. */
+static int set_part(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    int *part = (int *)place, end = 0;
+    long number, count;
+    (void)all;
+    if (!*value || value[strspn(value, "0123456789/")] != '\0' || strlen(value) > 16 ||
+        sscanf(value, "%ld/%ld%n", &number, &count, &end) != 2 || value[end] != '\0')
+        return malformed(rule, value, error);
+    if (number < 1 || number > count) return unfit(rule, value, "parts are numbered from 1 to N", error);
+    if (count > (long)rule->hi) return outside(rule, value, "N", rule->lo, rule->hi, error);
+    part[0] = (int)number, part[1] = (int)count;
     return 0;
 }
 
@@ -487,6 +501,7 @@ static const option_rule options[] = {
     {"--width", "W", "pixels; default 512", set_integers, OF_SCENE(width), 1, 1, 16384, NULL},
     {"--height", "H", "pixels; default 512", set_integers, OF_SCENE(height), 1, 1, 16384, NULL},
     {"--region", "x,y,w,h", "renders only this part of the image, pixels from its top left corner", set_integers, OF_SCENE(region), 4, 0, 16384, NULL},
+    {"--part", "I/N", "renders the I-th of N bands of rows, from 1, into the file --out, for build/join", set_part, OF_SCENE(part), 2, 1, 16384, NULL},
     {"--light", "directional,dx,dy,dz,r,g,b | point,x,y,z,r,g,b | spot,x,y,z,dx,dy,dz,inner,outer,r,g,b | projector,x,y,z,dx,dy,dz,angle,r,g,b,FILE.ppm", "dx,dy,dz: the way the light travels; inner, outer: degrees from it; repeatable", add_light, SCENE, 0, 6, COORDINATES},
     {"--light-size", "R | W,H", "of a point light: a disc's radius, or a rectangle's edges; not with maps (--shadow)", set_light_size, OF_LIGHT(size), 2, 0, FARTHEST, NULL},
     {"--light-angle", "DEG", "of a directional light: its angular diameter; not with maps (--shadow)", set_reals, OF_LIGHT(angle), 1, 0, 114, NULL},
@@ -1064,8 +1079,28 @@ static int check_scene_options(const arguments *all, ex_error *error) {
     return 0;
 }
 
+/* A part holds everything that can be written of it; it must be like its part of the whole picture. */
+static inline int check_part(const arguments *all, ex_error *error) {
+    static const char *const others[][2] = {{"--region", "a part is a region itself"},
+                                            {"--budget-seconds", "a budget depends on the region; give --quality"},
+                                            {"--budget-error", "a budget depends on the region; give --quality"},
+                                            {"--pfm", "a part has one file, --out; give it to join"},
+                                            {"--alpha-pfm", "a part has one file, --out; give it to join"},
+                                            {"--exr", "a part has one file, --out; give it to join"},
+                                            {"--radiance-hdr", "a part has one file, --out; give it to join"}};
+    if (!has(all->given, "--part")) return 0;
+    if (all->part[1] > all->height)
+        return ex_fail(error, "--part %d/%d: a picture of %d rows has at most %d parts", all->part[0], all->part[1],
+                       all->height, all->height);
+    for (size_t i = 0; i < sizeof others / sizeof *others; ++i)
+        if (has(all->given, others[i][0]))
+            return ex_fail(error, "--part and %s exclude each other: %s", others[i][0], others[i][1]);
+    if (!all->out && !all->plan) return ex_fail(error, "--part needs --out, the file that it is written to");
+    return 0;
+}
+
 static inline int check(const arguments *all, ex_error *error) {
-    return check_scene_options(all, error) || check_outputs(all, error);
+    return check_scene_options(all, error) || check_part(all, error) || check_outputs(all, error);
 }
 
 #endif /* EX_RENDER_OPTIONS_H */

@@ -39,7 +39,7 @@ COMPILE_hlsl      = $(COMPILE_cpp) -DSAMPLING_HLSL
 TESTS_native    = $(if $(SPLATSHADOW_LONG),$(TESTS),$(filter-out test_seeds,$(TESTS))) fuzz soak
 TESTS_sanitized = test_extremes test_transmittance test_arrays
 MAP_TESTS = test_map_answers test_map_memory test_map_pictures test_map_states
-TESTS_wide_sanitized = test_hooks test_workers test_interface test_files test_inflate test_vdb test_nvdb test_exr test_dds test_six_way test_bake test_light_volume test_ears test_polygons test_seeds $(MAP_TESTS) test_watertight
+TESTS_wide_sanitized = test_hooks test_workers test_interface test_files test_inflate test_vdb test_nvdb test_exr test_dds test_six_way test_bake test_light_volume test_parts test_ears test_polygons test_seeds $(MAP_TESTS) test_watertight
 TESTS_cpp       = test_pictures test_arrays test_throwing
 TESTS_baseline  = test_simd
 TESTS_readme    = test_watertight
@@ -201,7 +201,7 @@ INSTALL_CHECKS_THERE := $(foreach c,$(INSTALL_CHECKS),$(shell command -v $(c) >/
 $(foreach c,$(filter-out $(INSTALL_CHECKS_THERE),$(INSTALL_CHECKS)),$(call skipped,the quick start by $(c): install it))
 
 # Tests that run the command line, which is linked with the native configuration's header
-$(if $(STB_THERE),$(if $(filter native,$(READY)),$(foreach c,$(READY),$(eval build/tests/$(c).test_command_line.log build/tests/$(c).test_files.log build/tests/$(c).test_vdb.log build/tests/$(c).test_exr.log build/tests/$(c).test_blackbody.log build/tests/$(c).test_six_way.log: build/tests/render) \
+$(if $(STB_THERE),$(if $(filter native,$(READY)),$(foreach c,$(READY),$(eval build/tests/$(c).test_command_line.log build/tests/$(c).test_files.log build/tests/$(c).test_vdb.log build/tests/$(c).test_exr.log build/tests/$(c).test_blackbody.log build/tests/$(c).test_six_way.log build/tests/$(c).test_parts.log: build/tests/render) $(eval build/tests/$(c).test_parts.log: build/tests/join) \
 	$(eval build/tests/$(c).test_six_way.log build/tests/$(c).test_bake.log build/tests/$(c).test_light_volume.log: build/tests/bake))))
 
 # The program in plain C that test_simd compares itself with, linked once for several configurations
@@ -218,7 +218,7 @@ $(foreach c,$(READY),$(eval build/tests/$(c).test_tutorial.log: $(READY_STEPS)))
 # some of these take long. What others are linked with comes first, so that neither core waits.
 .PHONY: objects run-tests
 objects: $(foreach c,$(filter native,$(READY)) $(filter-out native,$(filter $(SPLIT),$(READY))),$(call code,$(c))) $(SIMD_PLAIN_THERE) \
-	$(if $(STB_THERE),$(if $(filter native,$(READY)),build/tests/render build/tests/bake))
+	$(if $(STB_THERE),$(if $(filter native,$(READY)),build/tests/render build/tests/bake build/tests/join))
 run-tests: $(INSTALL_CHECKS_THERE:%=build/tests/install.%.log) $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
 	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) $(READY_STEPS) \
 	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log build/tests/cases.log build/tests/names.log \
@@ -323,7 +323,7 @@ build/tests/step.%.log: examples/tutorial/%.c $(HEADERS) $(wildcard examples/sha
 	@$(call run,step.$*,$(COMPILE_native) $(WARNINGS_C) -Werror $(INCLUDES) $< build/tests/native.code.o \
 		-o build/tests/tutorial/$* $(LIBRARIES) && $(ONE_PASSED))
 
-build/tests/render build/tests/bake: build/tests/%: examples/%.c $(HEADERS) build/tests/native.code.o
+build/tests/render build/tests/bake build/tests/join: build/tests/%: examples/%.c $(HEADERS) build/tests/native.code.o
 	@$(COMPILE_native) $(INCLUDES) $< build/tests/native.code.o -o $@ $(LIBRARIES)
 
 build/tests/simd_plain: tests/test_simd.c tests/check.h $(call code,sanitized) build/tests/faces/splatshadow.h

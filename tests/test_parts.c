@@ -243,6 +243,9 @@ static void test_missing(void) {
     check_refused_here(names, 1, "part 1 of 4 is missing", "");
     check_refused_here(names, 3, "first and ", "first are both part 1 of 4");
     check_refused_here(names, 4, "none: No such file", "");
+    part.count = 2;
+    write_made("first", &part);
+    check_refused_here(names + 1, 1, "part 2 of 2 is missing", "");
 }
 
 /* Numbers that no part can have, under a checksum that is right. */
@@ -314,6 +317,31 @@ static void test_damage(void) {
         }
 }
 
+/* Any bit of a header that is flipped before its checksum is stored. All but some screens and texts are refused. */
+static void test_sealed_damage(void) {
+    const made part = {2, 2, 1, 1, 0, "b\n", "o\n"};
+    const size_t size = make_bytes(&part);
+    int read = 0;
+    for (size_t i = 0; i < texts_end(&part); ++i)
+        for (int bit = 0; bit < 8; ++bit) {
+            const char *path = path_of("damaged");
+            ex_joined joined;
+            ex_error error = {""};
+            bytes[i] = (unsigned char)(bytes[i] ^ 1 << bit);
+            seal(&part);
+            write_file("damaged", bytes, size);
+            if (ex_join(&path, 1, &joined, &error) == 0) {
+                if (!CHECK(i >= 32 && (i < 40 || i >= 48))) printf("    byte %d, bit %d\n", (int)i, bit);
+                free(joined.rgba), free(joined.depth);
+                ++read;
+            } else {
+                CHECK(strstr(error.text, "damaged: ") && is_printable(error.text, strlen(error.text)));
+            }
+            bytes[i] = (unsigned char)(bytes[i] ^ 1 << bit);
+        }
+    CHECK(read >= 8 * 4); /* the texts */
+}
+
 /* A header of the largest picture in a small file: it is refused before memory is taken. */
 static void test_large(void) {
     static const char *const name[] = {"large"};
@@ -326,6 +354,27 @@ static void test_large(void) {
     seal(&usual);
     write_file("large", bytes, size);
     check_refused_here(name, 1, "but its header says 327", "it was cut off or damaged");
+}
+
+/* A file of more than one block has the checksum of its blocks' checksums. */
+static void test_file_checksum(void) {
+    enum { BLOCK = 1 << 20, SIZE = BLOCK + 5 };
+    unsigned char *data = (unsigned char *)malloc(SIZE);
+    uint32_t checksum = 0;
+    uint64_t size = 0;
+    ex_error error;
+    if (!CHECK(data != NULL)) return;
+    for (unsigned i = 0; i < SIZE; ++i) data[i] = (unsigned char)(i * i >> 7);
+    write_file("blocks", data, SIZE);
+    put(put(0, 0, 4), slow_crc(data, BLOCK), 4);
+    const unsigned first = slow_crc(bytes, 8);
+    put(put(0, first, 4), slow_crc(data + BLOCK, 5), 4);
+    CHECK(ex_file_checksum(path_of("blocks"), &checksum, &size, &error) == 0);
+    CHECK(checksum == slow_crc(bytes, 8) && size == SIZE);
+    write_file("blocks", data, 0);
+    CHECK(ex_file_checksum(path_of("blocks"), &checksum, &size, &error) == 0 && checksum == 0 && size == 0);
+    CHECK(ex_file_checksum(path_of("none"), &checksum, &size, &error) && strstr(error.text, "none: No such file"));
+    free(data);
 }
 
 /* -------------------------------------------------------------------------------------------------- the programs */
@@ -443,6 +492,55 @@ static void test_what_matters(void) {
     tested = "render";
 }
 
+static void write_inputs(void) {
+    static const char header[] = "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 6 5 4\nencoding: raw\ndata file: d.raw\n";
+    static const char colors[] = "NRRD0004\ntype: uchar\ndimension: 4\nsizes: 3 6 5 4\nkinds: RGB-color domain domain "
+                                 "domain\nencoding: raw\ndata file: c.raw\n";
+    static const char points[] = "0 0 0 0 0\n1 1 0.5 0 20\n", image[] = "P6 1 2 255 abcdef";
+    unsigned char voxels[3 * 6 * 5 * 4];
+    for (size_t i = 0; i < sizeof voxels; ++i) voxels[i] = (unsigned char)(i * 31 % 250);
+    write_file("d.nhdr", header, sizeof header - 1);
+    write_file("c.nhdr", colors, sizeof colors - 1);
+    write_file("d.raw", voxels, 6 * 5 * 4);
+    write_file("c.raw", voxels, sizeof voxels);
+    write_file("points.txt", points, sizeof points - 1);
+    write_file("image.ppm", image, sizeof image - 1);
+}
+
+/* Whatever file a picture is made of, a bit of it that changes between two parts is noticed. */
+static void test_changed_inputs(void) {
+    static const struct {
+        const char *options, *file, *words;
+        int at;
+    } inputs[] = {{MESH, "mesh.obj", "--mesh mesh.obj: checksum ", 3},
+                  {GAS, "gas.raw", "--volume gas.raw: checksum ", 60},
+                  {BALLS, "balls.raw", "--particles balls.raw: checksum ", 40},
+                  {"--volume d.nhdr", "d.raw", "voxels of d.raw: checksum ", 60},
+                  {"--volume d.nhdr --albedo-volume c.nhdr", "c.raw", "voxels of c.raw: checksum ", 60},
+                  {"--volume d.nhdr --emission-volume c.nhdr", "c.raw", "voxels of c.raw: checksum ", 60},
+                  {"--volume gas.raw --size 6,5,4 --transfer points.txt", "points.txt", "--transfer points.txt: ", 21},
+                  {MESH "--light projector,0,3,0,0,-1,0.1,40,9,9,9,image.ppm", "image.ppm", "--light image.ppm: ", 15}};
+    write_inputs();
+    for (size_t i = 0; i < sizeof inputs / sizeof *inputs; ++i) {
+        static char text[4000];
+        char options[2][300], words[100];
+        for (int k = 0; k < 2; ++k)
+            snprintf(options[k], sizeof options[k],
+                     "%s --scattering single --width 4 --height 4 --part %d/2 --out in%d", inputs[i].options, k + 1,
+                     k + 1);
+        snprintf(words, sizeof words, "in2: another picture: %s", inputs[i].words);
+        const complaint first = {options[0], 0, NULL}, second = {options[1], 0, NULL};
+        const complaint whole = {"-o j.png in1 in2", 0, NULL}, refused = {"-o j.png in1 in2", 2, words};
+        check_complaints(&first, 1), check_complaints(&second, 1);
+        tested = "join", check_complaints(&whole, 1), tested = "render";
+        const int size = read_file(inputs[i].file, text, sizeof text);
+        text[inputs[i].at] = (char)(text[inputs[i].at] ^ 1);
+        write_file(inputs[i].file, text, (size_t)size);
+        check_complaints(&second, 1);
+        tested = "join", check_complaints(&refused, 1), tested = "render";
+    }
+}
+
 static void test_options(void) {
     static const complaint render[] = {
         {SMALL "--part 0/4 --out x", 2, "--part: '0/4' will not do: parts are numbered from 1 to N"},
@@ -497,7 +595,9 @@ int main(void) {
     RUN(test_missing);
     RUN(test_numbers);
     RUN(test_damage);
+    RUN(test_sealed_damage);
     RUN(test_large);
+    RUN(test_file_checksum);
     tested = "join";
     const int is_built = render_is_built();
     tested = "render";
@@ -505,6 +605,7 @@ int main(void) {
         write_scenes();
         if (!check_memory_only()) RUN(test_processes);
         RUN(test_what_matters);
+        RUN(test_changed_inputs);
         RUN(test_options);
     } else {
         printf("skipped: the programs: build/tests/render and join are not built\n");

@@ -728,32 +728,15 @@ static void test_wrong_options(void) {
 
 /* Options of other commands, with a value. */
 static void test_refused_options(void) {
-    static const char *const given[] = {"--ambient 1,1,1",
-                                        "--gas-ambient 1,1,1",
-                                        "--background 1,1,1",
-                                        "--width 4",
-                                        "--region 0,0,1,1",
-                                        "--coverage 2",
-                                        "--light-size 2",
-                                        "--light-angle 1",
-                                        "--shadow-resolution 4",
-                                        "--table-size 9",
-                                        "--no-shadows",
-                                        "--reference",
-                                        "--samples 4",
-                                        "--filling splat",
-                                        "--tolerance 1",
-                                        "--budget-error 1",
-                                        "--scattering single",
-                                        "--pfm x.pfm",
-                                        "--exr x.exr",
-                                        "--stats x.json",
-                                        "--plan",
-                                        "--list-grids",
-                                        "--tile 4",
-                                        "--frames 1,2",
-                                        "--alpha straight",
-                                        "--scale 2",
+    static const char *const given[] = {"--ambient 1,1,1",  "--gas-ambient 1,1,1", "--background 1,1,1",
+                                        "--width 4",        "--region 0,0,1,1",    "--coverage 2",
+                                        "--light-size 2",   "--light-angle 1",     "--shadow-resolution 4",
+                                        "--table-size 9",   "--no-shadows",        "--reference",
+                                        "--samples 4",      "--filling splat",     "--tolerance 1",
+                                        "--budget-error 1", "--scattering single", "--pfm x.pfm",
+                                        "--exr x.exr",      "--stats x.json",      "--part 1/2",
+                                        "--plan",           "--list-grids",        "--tile 4",
+                                        "--frames 1,2",     "--alpha straight",    "--scale 2",
                                         "--out-a x.dds"};
     static const char *const of_map[] = {"--tiles 1,1", "--convention unreal", "--metres-per-unit 1"};
     static const char *const of_cloud[] = {"--camera 0,0,5,0,0,0", "--fov 4", "--depths 1,2", "--surfaces x.dds"};
@@ -1174,11 +1157,11 @@ static void test_wrong_impostors(void) {
         {"impostor --particles none.f32 " PAIR, 2, "nothing to bake: the scene is empty"},
         {CARDS "--out-a full.dds --out-b b.dds", 2, "full.dds: writing failed: No space"},
         {CARDS "--out-a a.dds --out-b full.dds", 2, "full.dds: writing failed: No space"}};
-    static const char *const given[] = {
-        "--background 1,1,1", "--fov 9",        "--width 4",        "--reference",
-        "--out x.png",        "--stats x.json", "--plan",           "--layout unity",
-        "--tiles 2,2",        "--frames 1,2",   "--out-c c.dds",    "--convention unreal",
-        "--border 1",         "--depths 1,2",   "--surfaces s.dds", "--constants c.json"};
+    static const char *const given[] = {"--background 1,1,1",  "--fov 9",        "--width 4",    "--reference",
+                                        "--out x.png",         "--stats x.json", "--part 1/2",   "--plan",
+                                        "--layout unity",      "--tiles 2,2",    "--frames 1,2", "--out-c c.dds",
+                                        "--convention unreal", "--border 1",     "--depths 1,2", "--surfaces s.dds",
+                                        "--constants c.json"};
     CHECK_COMPLAINTS(wrong);
     for (size_t i = 0; i < sizeof given / sizeof *given; ++i) {
         char options[300], words[100];

@@ -314,6 +314,7 @@ static void test_refused_options(void) {
                                         "--exr x.exr",
                                         "--exr-compression zip",
                                         "--stats x.json",
+                                        "--part 1/2",
                                         "--plan",
                                         "--list-grids",
                                         "--layout cube",

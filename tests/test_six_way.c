@@ -591,6 +591,7 @@ static void test_refused_options(void) {
                                         "--radiance-hdr x.hdr",
                                         "--exr-type half",
                                         "--stats x.json",
+                                        "--part 1/2",
                                         "--plan",
                                         "--list-grids",
                                         "--convention unreal",

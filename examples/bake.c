@@ -25,12 +25,9 @@ static int is_given(const arguments *all, const char *option) {
 }
 
 /* Lists end with NULL. */
-static const refusal refused_by_all[] = {{"--exr-type", "give --texels"},
-                                         {"--stats", "render writes statistics"},
-                                         {"--part", "render has it"},
-                                         {"--plan", "render prints plans"},
-                                         {"--list-grids", "render lists grids"},
-                                         {NULL, NULL}};
+static const refusal refused_by_all[] = {
+    {"--exr-type", "give --texels"},   {"--stats", "render writes statistics"}, {"--part", "render has it"},
+    {"--plan", "render prints plans"}, {"--list-grids", "render lists grids"},  {NULL, NULL}};
 static const refusal for_maps_alone[] = {{"--convention", "bake cloud-shadow has it"},
                                          {"--metres-per-unit", "bake cloud-shadow has it"},
                                          {"--border", "bake map has it"},

@@ -3,11 +3,24 @@
 
        float light_left = tmap_transmittance(tmap_bound, tmap_project(tmap_bound, world_position));
 
-   This file is GLSL (4.30, ES 3.10) and needs no other. transmittance_map.hlsl and transmittance_map.h include it as
-   HLSL and as C: words that these spell differently begin with tmap_ here, or are C's own (fminf, sqrtf).
+   This file is GLSL and needs no other. transmittance_map.hlsl and transmittance_map.h include it as HLSL and as C:
+   words that these spell differently begin with tmap_ here, or are C's own (fminf, sqrtf).
 
-   It reads every kind of map. A shader that knows its map sets what it knows to constants, and the compiler drops the
-   rest:
+   It reads buffers (GLSL 4.30, ES 3.10), or, with TMAP_TEXTURE defined, what sps_tmap_export makes in the layout
+   SPS_EXPORT_ARRAY (GLSL 3.30, ES 3.00): any format, with fronts, and surfaces as a second array. Hardware cube maps,
+   atlases and slices are not read; an array holds six faces, too. The uniform block is then the 128 bytes of
+   sps_tmap_constants and the 560 of sps_export_constants. Textures clamp to their edges. With them:
+
+       tmap_filtered            one look-up of filtered numbers
+       tmap_transmittance       four look-ups, mean of optical depths, as sps_tmap_query
+       tmap_mean_transmittance  four look-ups, mean of transmittances, which is better in dense gas
+
+   To let a map end softly over its last 8 texels, or to reach the next cascade there:
+
+       float light_left = mix(1.0, tmap_filtered(tmap_bound, place), tmap_fade(tmap_bound, place, 8.0));
+
+   It reads every kind of map that its source holds. A shader that knows its map sets what it knows to constants, and
+   the compiler drops the rest:
 
        tmap map = tmap_bound;
        map.technique_id = TMAP_DEEP_OPACITY, map.components = 8, map.cubic = 1, map.has_planes = 0;
@@ -23,6 +36,7 @@
 #define TMAP_ARRAYS
 #define tmap_float     float
 #define tmap_int       int
+#define tmap_bool      bool
 #define tmap_clamp     clamp
 #define tmap_clamp_int clamp
 #define fminf          min
@@ -42,6 +56,9 @@
 #ifdef GL_ES
 precision highp float;
 precision highp int;
+#ifdef TMAP_TEXTURE
+precision highp sampler2DArray;
+#endif
 #endif
 #endif
 #endif
@@ -70,9 +87,80 @@ struct tmap {
     float bias, bias_per_distance; /* of surfaces */
     int face, face_count;          /* the face that the rows are for */
     int has_fronts;                /* 1: sps_tmap_fronts is not NULL */
-    int border; /* texels at each edge that lie outside the view */
+    int border;                    /* texels at each edge that lie outside the view */
     TMAP_ARRAYS
 };
+
+#ifdef TMAP_TEXTURE
+/* Vectors of four numbers that a texel has at most. A shader that knows its map sets the number of its layers. */
+#ifndef TMAP_LAYERS
+#define TMAP_LAYERS 17
+#endif
+
+/* The members of sps_export_constants. */
+struct tmap_format {
+    int components, columns;
+    float moment_bias;
+    int padding;
+    tmap_vec4 scale[17], offset[17];
+};
+
+/* An engine that binds textures in its own way defines TMAP_FETCH and all that follow it here. */
+#if !defined(TMAP_FETCH) || defined(TMAP_HLSL_BLOCK)
+#ifndef TMAP_HLSL
+#ifndef TMAP_GAS_BINDING
+#define TMAP_GAS_BINDING     0
+#define TMAP_SURFACE_BINDING 1
+#define TMAP_BLOCK_BINDING   2
+#endif
+#ifndef TMAP_SET
+#define TMAP_SET 0
+#endif
+#ifdef VULKAN
+#define TMAP_LAYOUT(n) layout(set = TMAP_SET, binding = n)
+#define TMAP_BLOCK     layout(std140, set = TMAP_SET, binding = TMAP_BLOCK_BINDING) uniform tmap_block
+#elif __VERSION__ >= 420 || (defined(GL_ES) && __VERSION__ >= 310)
+#define TMAP_LAYOUT(n) layout(binding = n)
+#define TMAP_BLOCK     layout(std140, binding = TMAP_BLOCK_BINDING) uniform tmap_block
+#else /* the program binds them by name */
+#define TMAP_LAYOUT(n)
+#define TMAP_BLOCK layout(std140) uniform tmap_block
+#endif
+TMAP_LAYOUT(TMAP_GAS_BINDING) uniform sampler2DArray tmap_gas;
+TMAP_LAYOUT(TMAP_SURFACE_BINDING) uniform sampler2DArray tmap_surfaces;
+#define TMAP_FETCH(map, column, row, layer)         texelFetch(tmap_gas, ivec3(column, row, layer), 0)
+#define TMAP_FETCH_SURFACE(map, column, row, layer) texelFetch(tmap_surfaces, ivec3(column, row, layer), 0).x
+#define TMAP_SAMPLE(map, s, t, layer)               textureLod(tmap_gas, vec3(s, t, layer), 0.0)
+#endif
+TMAP_BLOCK {
+    tmap tmap_bound;
+    tmap_format tmap_bound_format;
+#ifdef TMAP_PLANES /* of the settings */
+    tmap_vec4 tmap_bound_planes[17];
+#endif
+};
+#define TMAP_SCALE(map, i)       tmap_bound_format.scale[i]
+#define TMAP_OFFSET(map, i)      tmap_bound_format.offset[i]
+#define TMAP_MOMENT_BIAS(map, n) tmap_bound_format.moment_bias
+#ifdef TMAP_PLANES
+#define TMAP_PLANE(map, i) tmap_bound_planes[(i) / 4][(i) % 4]
+#else
+#define TMAP_PLANE(map, i) 0.0f
+#endif
+#endif
+
+/* The texel that is evaluated. */
+#ifndef TMAP_TEXEL
+#ifdef TMAP_HLSL
+static float4 tmap_loaded[TMAP_LAYERS];
+#else
+vec4 tmap_loaded[TMAP_LAYERS];
+#endif
+#define TMAP_TEXEL(map, i)   tmap_loaded[(i) / 4][(i) % 4]
+#define TMAP_KEEP(map, i, v) tmap_loaded[i] = v
+#endif
+#define TMAP_FRONT(map, i) TMAP_TEXEL(map, (map).components)
+#endif
 
 #ifndef TMAP_TEXEL
 #ifndef TMAP_HLSL
@@ -169,6 +257,7 @@ TMAP_FUNCTION float tmap_fourier_depth(tmap map, int first, int n, float u) {
     return tmap_clamp(sum, 0.0f, whole);
 }
 
+#ifndef TMAP_TEXTURE
 /* Nodes of u and transmittance, straight lines of transmittance between them: 1 before the first node, constant behind
    the last. */
 TMAP_FUNCTION float tmap_nodes_depth(tmap map, int first, int count, float u) {
@@ -206,6 +295,7 @@ TMAP_FUNCTION float tmap_deep_depth(tmap map, int texel, float u) {
     }
     return sum;
 }
+#endif
 
 /* Moments leave a range of optical depths that may lie before u; the answer is its middle. Both ends of the range
    belong to the distribution of few points, one of them at u, that has the given moments [Muenstermann et al. 2018]. In
@@ -347,8 +437,10 @@ TMAP_FUNCTION float tmap_moment_depth(tmap map, int first, int n, float u) {
 /* Optical depth of the gas before u in one texel. */
 TMAP_FUNCTION float tmap_gas_depth(tmap map, int texel, float u) {
     int first = texel * map.components, n = map.components;
+#ifndef TMAP_TEXTURE
     if (map.technique_id == TMAP_DEEP) return tmap_deep_depth(map, texel, u);
     if (map.technique_id == TMAP_COMPRESSED) return tmap_compressed_depth(map, texel, u);
+#endif
     if (map.technique_id == TMAP_DEPTH) return 0.0f; /* it holds no gas */
     if (map.technique_id == TMAP_MOMENT) return tmap_moment_depth(map, first, n, u);
     if (map.has_range != 0) { /* from the texel's first occluder to its last */
@@ -401,24 +493,144 @@ TMAP_FUNCTION tmap_place tmap_project_to_cube(tmap map, tmap_vec3 offset) {
     return p;
 }
 
-/* The share of light that reaches a place. Interpolates the optical depths of four texels, not their contents, and
-   compares with four surfaces before interpolating. Outside of the map everything is lit. */
-TMAP_FUNCTION float tmap_transmittance(tmap map, tmap_place p) {
-    float edge = tmap_float(map.border) - 0.5f, right = tmap_float(map.width) - 1.0f - edge;
-    float bottom = tmap_float(map.height) - 1.0f - edge, depth = 0.0f, lit = 0.0f;
+/* How many texels a place lies within the map's edges; negative outside. */
+TMAP_FUNCTION float tmap_inside(tmap map, tmap_place p) {
+    float right = tmap_float(map.width) - 1.0f, bottom = tmap_float(map.height) - 1.0f;
+    return fminf(fminf(p.x, right - p.x), fminf(p.y, bottom - p.y)) - tmap_float(map.border) + 0.5f;
+}
+
+/* Fades to 0 at the map's edges, over some texels, and is 0 outside: the weight of this map's answer beside that of the
+   next cascade, or 1. Six faces have no edges. */
+TMAP_FUNCTION float tmap_fade(tmap map, tmap_place p, float texels) {
+    if (!(p.u >= 0.0f)) return 0.0f;
+    return map.face_count == 6 ? 1.0f : tmap_clamp(tmap_inside(map, p) / fmaxf(texels, 1e-6f), 0.0f, 1.0f);
+}
+
+/* The nearest place within the map, for points beside it that continue its edge. */
+TMAP_FUNCTION tmap_place tmap_clamp_place(tmap map, tmap_place p) {
+    float border = tmap_float(map.border);
+    p.x = tmap_clamp(p.x, border, tmap_float(map.width) - 1.0f - border);
+    p.y = tmap_clamp(p.y, border, tmap_float(map.height) - 1.0f - border);
+    return p;
+}
+
+#ifdef TMAP_TEXTURE
+/* What a texture holds, in the map's numbers. */
+TMAP_FUNCTION tmap_vec4 tmap_decode(tmap_vec4 value, tmap_vec4 scale, tmap_vec4 offset) {
+    value.x = offset.x + scale.x * value.x;
+    value.y = offset.y + scale.y * value.y;
+    value.z = offset.z + scale.z * value.z;
+    value.w = offset.w + scale.w * value.w;
+    return value;
+}
+
+/* Layers of a face. */
+TMAP_FUNCTION int tmap_layers(tmap map) {
+    return tmap_clamp_int((map.components + map.has_fronts + 3) / 4, 0, TMAP_LAYERS);
+}
+
+/* Loads a texel. C keeps it in the map. */
+TMAP_FUNCTION tmap tmap_load(tmap map, int face, int x, int y) {
+    int layers = tmap_layers(map);
+    for (int i = 0; i < layers; ++i) {
+        tmap_vec4 value = TMAP_FETCH(map, x, y, face * layers + i);
+        TMAP_KEEP(map, i, tmap_decode(value, TMAP_SCALE(map, i), TMAP_OFFSET(map, i)));
+    }
+    return map;
+}
+
+/* Loads a bilinear mean of texels. */
+TMAP_FUNCTION tmap tmap_load_filtered(tmap map, tmap_place p) {
+    int layers = tmap_layers(map);
+    float s = (p.x + 0.5f) / tmap_float(map.width), t = (p.y + 0.5f) / tmap_float(map.height);
+    for (int i = 0; i < layers; ++i) {
+        tmap_vec4 value = TMAP_SAMPLE(map, s, t, tmap_float(p.face * layers + i));
+        TMAP_KEEP(map, i, tmap_decode(value, TMAP_SCALE(map, i), TMAP_OFFSET(map, i)));
+    }
+    return map;
+}
+#endif
+
+/* One of the four texels around a place, moved into the map, and its weight. */
+struct tmap_corner {
+    int x, y;
+    float weight;
+};
+
+TMAP_FUNCTION tmap_corner tmap_corner_at(tmap map, tmap_place p, int i) {
+    tmap_corner corner;
+    int x = tmap_int(floorf(p.x)) + i % 2, y = tmap_int(floorf(p.y)) + i / 2;
+    corner.weight = (1.0f - fabsf(p.x - tmap_float(x))) * (1.0f - fabsf(p.y - tmap_float(y)));
+    corner.x = tmap_clamp_int(x, 0, map.width - 1);
+    corner.y = tmap_clamp_int(y, 0, map.height - 1);
+    return corner;
+}
+
+/* Optical depth before u in one texel. */
+TMAP_FUNCTION float tmap_corner_depth(tmap map, int face, tmap_corner corner, float u) {
+#ifdef TMAP_TEXTURE
+    int texel = 0;
+    map = tmap_load(map, face, corner.x, corner.y);
+#else
+    int texel = (face * map.height + corner.y) * map.width + corner.x;
+#endif
+    return tmap_gas_depth(map, texel, u) + (map.has_fronts != 0 ? TMAP_FRONT(map, texel) : 0.0f);
+}
+
+/* 0: a texel's surface shades the place. */
+TMAP_FUNCTION float tmap_corner_lit(tmap map, tmap_place p, tmap_corner corner) {
     float bias = (map.bias + map.bias_per_distance * p.distance) / (map.far_depth - map.near_depth);
-    if (!(p.u >= 0.0f && p.x >= edge && p.y >= edge && p.x <= right && p.y <= bottom)) return 1.0f;
-    float u = fminf(p.u, 1.0f);
+    if (map.has_surfaces == 0) return 1.0f;
+#ifdef TMAP_TEXTURE
+    return TMAP_FETCH_SURFACE(map, corner.x, corner.y, p.face) + bias < p.u ? 0.0f : 1.0f;
+#else
+    int texel = (p.face * map.height + corner.y) * map.width + corner.x;
+    return TMAP_SURFACE(map, texel) + bias < p.u ? 0.0f : 1.0f;
+#endif
+}
+
+/* Outside of the map everything is lit. */
+TMAP_FUNCTION tmap_bool tmap_is_outside(tmap map, tmap_place p) {
+    return !(p.u >= 0.0f && tmap_inside(map, p) >= 0.0f);
+}
+
+/* The share of light that reaches a place. Interpolates the optical depths of four texels, not their contents, and
+   compares with four surfaces before interpolating. */
+TMAP_FUNCTION float tmap_transmittance(tmap map, tmap_place p) {
+    float depth = 0.0f, lit = 0.0f;
+    if (tmap_is_outside(map, p)) return 1.0f;
     for (int i = 0; i < 4; ++i) {
-        int x = tmap_int(floorf(p.x)) + i % 2, y = tmap_int(floorf(p.y)) + i / 2;
-        int row = p.face * map.height + tmap_clamp_int(y, 0, map.height - 1);
-        int texel = row * map.width + tmap_clamp_int(x, 0, map.width - 1);
-        float weight = (1.0f - fabsf(p.x - tmap_float(x))) * (1.0f - fabsf(p.y - tmap_float(y)));
-        depth += weight * tmap_gas_depth(map, texel, u);
-        depth += map.has_fronts != 0 ? weight * TMAP_FRONT(map, texel) : 0.0f;
-        lit += map.has_surfaces != 0 && TMAP_SURFACE(map, texel) + bias < p.u ? 0.0f : weight;
+        tmap_corner corner = tmap_corner_at(map, p, i);
+        depth += corner.weight * tmap_corner_depth(map, p.face, corner, fminf(p.u, 1.0f));
+        lit += corner.weight * tmap_corner_lit(map, p, corner);
     }
     return lit * expf(-depth);
 }
+
+/* The same, but interpolates the light that reaches the place through each texel. */
+TMAP_FUNCTION float tmap_mean_transmittance(tmap map, tmap_place p) {
+    float mean = 0.0f;
+    if (tmap_is_outside(map, p)) return 1.0f;
+    for (int i = 0; i < 4; ++i) {
+        tmap_corner corner = tmap_corner_at(map, p, i);
+        float depth = tmap_corner_depth(map, p.face, corner, fminf(p.u, 1.0f));
+        mean += corner.weight * tmap_corner_lit(map, p, corner) * expf(-depth);
+    }
+    return mean;
+}
+
+#ifdef TMAP_TEXTURE
+/* The same by one look-up of filtered numbers. Surfaces are compared as above. */
+TMAP_FUNCTION float tmap_filtered(tmap map, tmap_place p) {
+    float lit = 0.0f;
+    if (tmap_is_outside(map, p)) return 1.0f;
+    for (int i = 0; i < 4; ++i) {
+        tmap_corner corner = tmap_corner_at(map, p, i);
+        lit += corner.weight * tmap_corner_lit(map, p, corner);
+    }
+    map = tmap_load_filtered(map, p);
+    return lit * expf(-tmap_gas_depth(map, 0, fminf(p.u, 1.0f)) - (map.has_fronts != 0 ? TMAP_FRONT(map, 0) : 0.0f));
+}
+#endif
 
 #endif

@@ -35,6 +35,25 @@ own_buffers() {
     echo '#define tmap_bound own_map'
 }
 
+# textures "#version .." QUALIFIERS: the same for exported maps, with planes.
+textures() {
+    echo "$1" && echo '#define TMAP_TEXTURE' && echo '#define TMAP_PLANES' && cat "$shaders.glsl" &&
+        echo "$2 in vec3 world_position; $2 out vec4 color; void main() {" && looks 'color = vec4' && echo '}'
+}
+
+# looks TO: every function for exported maps
+looks() {
+    echo 'tmap_place place = tmap_project(tmap_bound, world_position);' &&
+        echo 'tmap_place other = tmap_clamp_place(tmap_bound, tmap_project_to_cube(tmap_bound, world_position));' &&
+        echo "$1(tmap_filtered(tmap_bound, place), tmap_transmittance(tmap_bound, other)," &&
+        echo 'tmap_mean_transmittance(tmap_bound, place), tmap_fade(tmap_bound, place, 8.0));'
+}
+
+hlsl_textures() {
+    echo '#define TMAP_TEXTURE' && echo '#include "transmittance_map.hlsl"' &&
+        echo 'float4 main(float3 world_position : TEXCOORD0) : SV_Target {' && looks 'return float4' && echo '}'
+}
+
 # six_way "#version ..": examples/shaders/six_way.glsl, used as its comment says.
 six_way() {
     echo "$1" && echo 'precision highp float;' && cat examples/shaders/six_way.glsl &&
@@ -59,22 +78,37 @@ glsl '#version 450' < /dev/null > "$folder/$compiler.450.frag"
 own_map='layout(std140, binding = 3) uniform Own { tmap own_map; };'
 own_buffers | glsl '#version 450' "$own_map" > "$folder/$compiler.own.frag"
 hlsl > "$folder/$compiler.hlsl"
+textures '#version 330' > "$folder/$compiler.textures_330.frag"
+textures '#version 430' > "$folder/$compiler.textures_430.frag"
+textures '#version 300 es' > "$folder/$compiler.textures_300es.frag"
+textures '#version 310 es' > "$folder/$compiler.textures_310es.frag"
+textures '#version 450' 'layout(location = 0)' > "$folder/$compiler.textures_450.frag"
+hlsl_textures > "$folder/$compiler.textures.hlsl"
 six_way '#version 130' > "$folder/$compiler.six_way_130.frag"
 six_way '#version 300 es' > "$folder/$compiler.six_way_es.frag"
 object=$folder/$compiler.spv
 
 case $compiler in
 glslangValidator)
-    for version in 430 es 450 own six_way_130 six_way_es; do check "$folder/$compiler.$version.frag" glslangValidator; done
-    check "$folder/$compiler.450.frag" glslangValidator -V -o "$object"
-    check "$folder/$compiler.hlsl" glslangValidator -D -V -S frag -e main -Iexamples/shaders -o "$object"
+    for version in 430 es 450 own six_way_130 six_way_es textures_330 textures_430 textures_300es textures_310es; do
+        check "$folder/$compiler.$version.frag" glslangValidator
+    done
+    for file in 450.frag hlsl textures_450.frag textures.hlsl; do
+        case $file in *hlsl) language='-D -S frag -e main' ;; *) language= ;; esac
+        check "$folder/$compiler.$file" glslangValidator -V $language -Iexamples/shaders -o "$object"
+        command -v spirv-val > /dev/null && check "$object" spirv-val
+    done
     ;;
 glslc)
-    for version in 450 own; do check "$folder/$compiler.$version.frag" glslc -o "$object"; done
-    check "$folder/$compiler.hlsl" glslc -x hlsl -fshader-stage=fragment -fentry-point=main -Iexamples/shaders -o "$object"
+    for version in 450 own textures_450; do check "$folder/$compiler.$version.frag" glslc -o "$object"; done
+    for file in hlsl textures.hlsl; do
+        check "$folder/$compiler.$file" glslc -x hlsl -fshader-stage=fragment -fentry-point=main -Iexamples/shaders -o "$object"
+    done
     ;;
 dxc)
-    check "$folder/$compiler.hlsl" dxc -T ps_6_0 -E main -I examples/shaders -Fo "$object"
+    for file in hlsl textures.hlsl; do
+        check "$folder/$compiler.$file" dxc -T ps_6_0 -E main -I examples/shaders -Fo "$object"
+    done
     ;;
 esac
 echo "$passed passed, $failed failed"

@@ -92,9 +92,9 @@ struct tmap {
 };
 
 #ifdef TMAP_TEXTURE
-/* Vectors of four numbers that a texel has at most. A shader that knows its map sets the number of its layers. */
+/* Layers of a face at most, of four numbers each, fronts included; up to 17. Compilers take long over many. */
 #ifndef TMAP_LAYERS
-#define TMAP_LAYERS 17
+#define TMAP_LAYERS 3
 #endif
 
 /* The members of sps_export_constants. */
@@ -186,12 +186,16 @@ layout(std140, binding = 4) uniform tmap_block { tmap tmap_bound; };
 /* Throughout, `first` is the index of a texel's first float, n the number of its floats, and u the depth: 0 at
    near_depth, 1 at far_depth. A function *_depth returns the optical depth before u. */
 
+/* Between two planes, as the library has it: stored depths may fall, if they were rounded. */
+TMAP_FUNCTION float tmap_between(float depth, float before, float after) { return fmaxf(fminf(depth, after), before); }
+
 /* Opacity: planes at u = 1 / n, 2 / n .. 1, straight lines between them. */
 TMAP_FUNCTION float tmap_even_planes_depth(tmap map, int first, int n, float u) {
     float at = u * tmap_float(n);
     int plane = tmap_clamp_int(tmap_int(at), 0, n - 1);
     float before = plane > 0 ? TMAP_TEXEL(map, first + plane - 1) : 0.0f;
-    return tmap_mix(before, TMAP_TEXEL(map, first + plane), at - tmap_float(plane));
+    float after = TMAP_TEXEL(map, first + plane);
+    return tmap_between(tmap_mix(before, after, at - tmap_float(plane)), before, after);
 }
 
 /* Returns u and optical depth of plane i. Plane -1 is u = 0, and nothing lies before it. */
@@ -215,7 +219,7 @@ TMAP_FUNCTION float tmap_planes_depth(tmap map, int first, int n, float u) {
     int i = tmap_next_plane(map, first, n, u);
     tmap_vec2 a = tmap_knot(map, first, n, i - 1);
     tmap_vec2 b = tmap_knot(map, first, n, i);
-    return tmap_mix(a.y, b.y, tmap_clamp((u - a.x) / (b.x - a.x), 0.0f, 1.0f));
+    return tmap_between(tmap_mix(a.y, b.y, tmap_clamp((u - a.x) / (b.x - a.x), 0.0f, 1.0f)), a.y, b.y);
 }
 
 TMAP_FUNCTION float tmap_secant(tmap_vec2 a, tmap_vec2 b) { return (b.y - a.y) / (b.x - a.x); }
@@ -229,7 +233,8 @@ TMAP_FUNCTION float tmap_inner_slope(tmap_vec2 a, tmap_vec2 b, tmap_vec2 c) {
 
 TMAP_FUNCTION float tmap_end_slope(tmap_vec2 a, tmap_vec2 b, tmap_vec2 c) {
     float part = (b.x - a.x) / (c.x - a.x);
-    return tmap_clamp(tmap_secant(a, b) * (1.0f + part) - tmap_secant(b, c) * part, 0.0f, 2.0f * tmap_secant(a, b));
+    float slope = tmap_secant(a, b) * (1.0f + part) - tmap_secant(b, c) * part;
+    return fmaxf(fminf(slope, 2.0f * tmap_secant(a, b)), 0.0f);
 }
 
 /* Opacity: any planes, monotone cubics between them. */
@@ -243,7 +248,7 @@ TMAP_FUNCTION float tmap_cubic_depth(tmap map, int first, int n, float u) {
     float slope0 = i > 0 ? tmap_inner_slope(a, b, c) : i < n - 1 ? tmap_end_slope(b, c, d) : even;
     float slope1 = i < n - 1 ? tmap_inner_slope(b, c, d) : i > 0 ? tmap_end_slope(c, b, a) : even;
     float bend = (1.0f - t) * (slope0 - even) - t * (slope1 - even);
-    return tmap_clamp(tmap_mix(b.y, c.y, t) + t * (1.0f - t) * (c.x - b.x) * bend, b.y, c.y);
+    return tmap_between(tmap_mix(b.y, c.y, t) + t * (1.0f - t) * (c.x - b.x) * bend, b.y, c.y);
 }
 
 /* Fourier series of extinction, integrated up to u: no less than nothing and no more than all. */
@@ -307,9 +312,10 @@ struct tmap_numbers {
     float x[4];
 };
 
-/* A lower triangular matrix of `size` rows; row i begins at 4 i. */
+/* A lower triangular matrix of `size` rows; row i begins at 4 i. `least` is the least square on its diagonal. */
 struct tmap_triangle {
     int size;
+    float least;
     float x[16];
 };
 
@@ -320,18 +326,34 @@ TMAP_FUNCTION float tmap_wide_moment(int n, int k) {
     return k == 2 ? 0.48f : k == 4 ? 0.451f : 0.45f;
 }
 
+/* Moment k, with a part of the wide distribution. */
+TMAP_FUNCTION float tmap_biased_moment(tmap map, int first, int n, int k, float bias) {
+    return k == 0 ? 1.0f : tmap_mix(tmap_clamp(TMAP_TEXEL(map, first + k), -1.0f, 1.0f), tmap_wide_moment(n, k), bias);
+}
+
 /* Cholesky factor of the matrix whose element i, j is moment i + j. */
-TMAP_FUNCTION tmap_triangle tmap_moment_factor(tmap map, int first, int n) {
+TMAP_FUNCTION tmap_triangle tmap_biased_factor(tmap map, int first, int n, float bias) {
     tmap_triangle f;
-    float bias = TMAP_MOMENT_BIAS(map, n);
     f.size = (n + 1) / 2;
+    f.least = 1.0f;
     for (int i = 0; i < f.size; ++i)
         for (int j = 0; j <= i; ++j) {
-            int k = i + j;
-            float sum = k == 0 ? 1.0f : tmap_mix(TMAP_TEXEL(map, first + k), tmap_wide_moment(n, k), bias);
+            float sum = tmap_biased_moment(map, first, n, i + j, bias);
             for (int l = 0; l < j; ++l) sum -= f.x[4 * i + l] * f.x[4 * j + l];
+            f.least = i == j ? fminf(f.least, sum) : f.least;
             f.x[4 * i + j] = i == j ? sqrtf(fmaxf(sum, 1e-7f)) : sum / f.x[4 * j + j];
         }
+    return f;
+}
+
+/* Moments that no distribution has, since they were rounded, need more of the wide one. */
+TMAP_FUNCTION tmap_triangle tmap_moment_factor(tmap map, int first, int n) {
+    float bias = TMAP_MOMENT_BIAS(map, n);
+    tmap_triangle f = tmap_biased_factor(map, first, n, bias);
+    while (!(f.least > 0.0f) && bias < 1.0f) {
+        bias = fminf(10.0f * bias, 1.0f);
+        f = tmap_biased_factor(map, first, n, bias);
+    }
     return f;
 }
 
@@ -525,14 +547,12 @@ TMAP_FUNCTION tmap_vec4 tmap_decode(tmap_vec4 value, tmap_vec4 scale, tmap_vec4 
 }
 
 /* Layers of a face. */
-TMAP_FUNCTION int tmap_layers(tmap map) {
-    return tmap_clamp_int((map.components + map.has_fronts + 3) / 4, 0, TMAP_LAYERS);
-}
+TMAP_FUNCTION int tmap_layers(tmap map) { return (map.components + map.has_fronts + 3) / 4; }
 
 /* Loads a texel. C keeps it in the map. */
 TMAP_FUNCTION tmap tmap_load(tmap map, int face, int x, int y) {
     int layers = tmap_layers(map);
-    for (int i = 0; i < layers; ++i) {
+    for (int i = 0; i < TMAP_LAYERS && i < layers; ++i) {
         tmap_vec4 value = TMAP_FETCH(map, x, y, face * layers + i);
         TMAP_KEEP(map, i, tmap_decode(value, TMAP_SCALE(map, i), TMAP_OFFSET(map, i)));
     }
@@ -543,7 +563,7 @@ TMAP_FUNCTION tmap tmap_load(tmap map, int face, int x, int y) {
 TMAP_FUNCTION tmap tmap_load_filtered(tmap map, tmap_place p) {
     int layers = tmap_layers(map);
     float s = (p.x + 0.5f) / tmap_float(map.width), t = (p.y + 0.5f) / tmap_float(map.height);
-    for (int i = 0; i < layers; ++i) {
+    for (int i = 0; i < TMAP_LAYERS && i < layers; ++i) {
         tmap_vec4 value = TMAP_SAMPLE(map, s, t, tmap_float(p.face * layers + i));
         TMAP_KEEP(map, i, tmap_decode(value, TMAP_SCALE(map, i), TMAP_OFFSET(map, i)));
     }

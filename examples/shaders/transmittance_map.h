@@ -47,11 +47,12 @@ static inline int tmap_clamp_int(int x, int low, int high) { return x < low ? lo
 #define tmap_bool     int
 
 #ifdef TMAP_TEXTURE
+#define TMAP_LAYERS 17
 typedef struct tmap_format tmap_format;
 #define TMAP_ARRAYS                                                                                                    \
     const float *gas, *surfaces, *planes;                                                                              \
     const tmap_format *format;                                                                                         \
-    float loaded[68];
+    float loaded[4 * TMAP_LAYERS];
 #define TMAP_TEXEL(map, i) (map).loaded[i]
 #define TMAP_KEEP(map, i, v)                                                                                           \
     do {                                                                                                               \

@@ -653,7 +653,7 @@ static void test_half(void) {
                 {"Beer", {1e-3, 5e-3, 1e-2}, 0},
                 {"deep opacity", {2e-3, 5e-3, 2e-2}, 0},
                 {"compressed, 8 nodes", {1e-3, 5e-3, 0.5}, 0},
-                {"4 moments", {0.02, 0.02, 0.02}, 1},
+                {"4 moments", {0.005, 0.02, 0.02}, 1},
                 {"6 moments", {0.02, 0.02, 0.02}, 1}};
     static fixture f;
     sps_context *context = sps_create(NULL, NULL);

@@ -266,7 +266,7 @@ static answers expect(const subject *s, const spsi_tmap_quad *quad, int is_hardw
         const float u = fminf(fmaxf(quad->u + (float)(j % 3 - 1) * 8e-7f, 0), 1);
         double depth = 0, lit = 0, mean = 0, numbers[SPSI_EXPORT_MOST];
         for (int i = 0; i < 4; ++i) {
-            const double f[2] = {i & 1, i >> 1}, weight = quad->weight[i];
+            const double f[2] = {(double)(i & 1), (double)(i >> 1)}, weight = quad->weight[i];
             mix_numbers(s, quad, f, noise, numbers);
             const double one_depth = numbers_depth(s, numbers, u);
             depth += weight * one_depth;

@@ -1,13 +1,13 @@
-// Reads transmittance maps that sps_tmap_export made, as transmittance_map.glsl does with TMAP_TEXTURE; that file explains
-// the formulas. Maps with `planes` are not read.
+// Reads transmittance maps that sps_tmap_export made, as transmittance_map.glsl does with TMAP_TEXTURE, which explains the
+// formulas. Maps with `planes` are not read.
 //
 //     let place = tmap_project(world_position);
 //     let light_left = mix(1.0, tmap_filtered(place), tmap_fade(place, 8.0));
 //
-// The map is in the layout SPS_EXPORT_ARRAY: a texture of 2D layers, surfaces as a second one. WebGPU filters halves and
-// 8 bits; floats need the feature float32-filterable. Without it, leave out tmap_filtered and the sampler. The uniform
-// buffer is the 128 bytes of sps_tmap_constants, then the 560 of sps_export_constants. The sampler is linear, and clamps.
-// Change the groups and bindings of these four lines as you like; TMAP_LAYERS is the number of layers of a face.
+// The map is in the layout SPS_EXPORT_ARRAY: a texture of 2D layers, surfaces as a second one. WebGPU filters halves
+// and 8 bits; floats need the feature float32-filterable. Without it, leave out tmap_filtered and the sampler. The
+// uniform buffer is the 128 bytes of sps_tmap_constants, then the 560 of sps_export_constants. The sampler is linear,
+// and clamps. Groups and bindings of these four lines may be changed; TMAP_LAYERS is the number of layers of a face.
 
 @group(0) @binding(0) var tmap_gas: texture_2d_array<f32>;
 @group(0) @binding(1) var tmap_surfaces: texture_2d_array<f32>;

@@ -8598,6 +8598,19 @@ static void spsi_ray_to_face(const spsi_faces *faces, int own, spsi_ray *ray, sp
     }
 }
 
+/* Where a ray ends at a face. Returns 0 if its normal has no length. */
+static int spsi_ray_surface(const spsi_faces *faces, const spsi_ray *ray, const spsi_hit *hit, double pixel,
+                            spsi_surface *surface, double color[3]) {
+    const spsi_face *face = &faces->list[hit->face];
+    double plane[3];
+    spsi_along(ray->origin, ray->direction, ray->high, surface->point);
+    surface->pixel = pixel;
+    spsi_face_plane(face, plane);
+    spsi_surface_face(face, hit, plane, ray->direction, surface);
+    spsi_face_color(face, hit, color);
+    return spsi_normalise(surface->normal);
+}
+
 /* Ends the ray at the nearest opaque face. own: as before. Returns 0 on a miss. */
 static int spsi_ray_to_opaque(const spsi_faces *faces, int own, spsi_ray *ray, spsi_hit *hit) {
     const double high = ray->high;
@@ -23177,15 +23190,9 @@ typedef struct spsi_cell_hits {
 
 static void spsi_cell_hits_add(const spsi_cell_view *view, const spsi_ray *ray, const spsi_hit *hit,
                                spsi_cell_hits *hits) {
-    const spsi_face *face = &view->faces->list[hit->face];
-    spsi_surface *surface = &hits->surface[hits->count];
-    double plane[3];
-    spsi_along(ray->origin, ray->direction, ray->high, surface->point);
-    surface->pixel = view->grid->edge;
-    spsi_face_plane(face, plane);
-    spsi_surface_face(face, hit, plane, ray->direction, surface);
-    if (!spsi_normalise(surface->normal)) return;
-    spsi_face_color(face, hit, hits->color[hits->count]);
+    if (!spsi_ray_surface(view->faces, ray, hit, view->grid->edge, &hits->surface[hits->count],
+                          hits->color[hits->count]))
+        return;
     hits->face[hits->count] = hit->face;
     hits->weight[hits->count++] = 1 / (1 + ray->high * ray->high);
 }
@@ -28745,6 +28752,9 @@ typedef struct spsi_probe_path {
     double depth, through[3], filter[3];  /* optical depth; scaled transmittance; transmittance of polygons */
     double sum[3];                        /* radiance minus ambient light */
     float terms[3][SPSI_CELL_TERMS];      /* likewise, not yet multiplied by harmonics */
+    spsi_ray ray;
+    double high;                          /* where the ray ends behind the next polygon */
+    spsi_hit hit;                         /* the last polygon */
 } spsi_probe_path;
 
 /* --- rays --- */
@@ -28754,8 +28764,8 @@ static size_t spsi_probe_floats(const spsi_prober *prober) {
 }
 
 /* Adds the radiance that a cell sends back along its `length`, in edges. */
-static void spsi_probe_cell(const spsi_prober *prober, const spsi_probe_gas *gas, const spsi_ray *ray, const int at[3],
-                            size_t cell, double length, spsi_probe_path *path) {
+static void spsi_probe_cell(const spsi_prober *prober, const spsi_probe_gas *gas, const int at[3], size_t cell,
+                            double length, spsi_probe_path *path) {
     const spsi_cell_grid *grid = &gas->grid;
     const float *own = gas->cells + cell * (size_t)grid->channels * spsi_probe_floats(prober);
     const int lobes = prober->lobed_count, lights = prober->frame->lights.whole_count;
@@ -28765,7 +28775,7 @@ static void spsi_probe_cell(const spsi_prober *prober, const spsi_probe_gas *gas
         double travel[3];
         spsi_light_direction(&prober->frame->lights.whole[i / lobes], centre, travel);
         const double phase =
-            spsi_phase_at(&prober->lobes[prober->lobed[i % lobes]], -spsi_dot(travel, ray->direction));
+            spsi_phase_at(&prober->lobes[prober->lobed[i % lobes]], -spsi_dot(travel, path->ray.direction));
         for (int c = 0; c < grid->channels; ++c) {
             const float *part = own + (size_t)c * spsi_probe_floats(prober) + 2;
             sent[c] += phase * (double)(part[i % lobes] * part[lobes + i / lobes]);
@@ -28783,9 +28793,9 @@ static void spsi_probe_cell(const spsi_prober *prober, const spsi_probe_gas *gas
 }
 
 /* Crosses a grid's cells. */
-static void spsi_probe_march(const spsi_prober *prober, const spsi_probe_gas *gas, const spsi_ray *ray,
-                             spsi_probe_path *path) {
+static void spsi_probe_march(const spsi_prober *prober, const spsi_probe_gas *gas, spsi_probe_path *path) {
     const spsi_cell_grid *grid = &gas->grid;
+    const spsi_ray *ray = &path->ray;
     const double end = (double)(prober->scaled ? SPSI_FORWARD_END : SPSI_LIGHT_END);
     double high[3], range[2], next[3], t;
     int at[3], axis = 0;
@@ -28802,7 +28812,7 @@ static void spsi_probe_march(const spsi_prober *prober, const spsi_probe_gas *ga
         const double to = spsi_dmin(next[axis], range[1]), length = spsi_dmax(to - t, 0) / grid->edge;
         const double own = length * (double)grid->depth[cell];
         if (path->sees && (own > 0 || prober->frame->matter.emits))
-            spsi_probe_cell(prober, gas, ray, at, cell, length, path);
+            spsi_probe_cell(prober, gas, at, cell, length, path);
         path->depth += own;
         t = to;
         at[axis] += ray->direction[axis] > 0 ? 1 : -1;
@@ -28810,30 +28820,32 @@ static void spsi_probe_march(const spsi_prober *prober, const spsi_probe_gas *ga
     }
 }
 
-/* Follows a ray to its next polygon, ignoring `face`. */
-static void spsi_probe_segment(const spsi_prober *prober, int face, spsi_ray *ray, spsi_hit *hit,
-                               spsi_probe_path *path) {
-    spsi_ray_to_face(&prober->faces, face, ray, hit);
-    for (int n = 0; n < prober->gas_count; ++n)
-        spsi_probe_march(prober, &prober->gas[path->order[n]], ray, path);
+/* Follows a ray to its next polygon, ignoring the last one. */
+static void spsi_probe_segment(const spsi_prober *prober, spsi_probe_path *path) {
+    path->ray.high = path->high;
+    spsi_ray_to_face(&prober->faces, path->hit.face, &path->ray, &path->hit);
+    for (int n = 0; n < prober->gas_count; ++n) spsi_probe_march(prober, &prober->gas[path->order[n]], path);
 }
 
-/* Filters a path at a polygon, behind which the ray ends at `high`. Returns 0 if nothing passes. */
-static int spsi_probe_filter(const spsi_prober *prober, int face, double high, spsi_ray *ray, spsi_probe_path *path) {
+/* Filters a path at a polygon. Returns 0 if nothing passes, or none was met. */
+static int spsi_probe_filter(const spsi_prober *prober, spsi_probe_path *path) {
     int passes = 0;
-    if (face < 0) return 0;
-    for (int c = 0; c < 3; ++c) {
-        path->filter[c] *= (double)prober->faces.list[face].transmittance[c];
+    for (int c = 0; c < 3 && path->hit.face >= 0; ++c) {
+        path->filter[c] *= (double)prober->faces.list[path->hit.face].transmittance[c];
         passes |= path->filter[c] > 0;
     }
-    ray->low = ray->high;
-    ray->high = high;
+    path->ray.low = path->ray.high;
     return passes;
 }
 
-SPSI_COLD void spsi_probe_path_begin(const spsi_prober *prober, const double point[3], int sees,
-                                     spsi_probe_path *path) {
+/* Aims a ray from `face`, or -1: from gas. */
+SPSI_COLD void spsi_probe_path_begin(const spsi_prober *prober, const double point[3], const double way[3], int face,
+                                     int sees, spsi_probe_path *path) {
     memset(path, 0, sizeof *path);
+    memcpy(path->ray.origin, point, sizeof path->ray.origin);
+    memcpy(path->ray.direction, way, sizeof path->ray.direction);
+    path->high = HUGE_VAL;
+    path->hit.face = face;
     path->sees = sees;
     for (int c = 0; c < 3; ++c) path->through[c] = path->filter[c] = 1;
     for (int n = 0; n < prober->gas_count; ++n) {
@@ -28850,22 +28862,18 @@ SPSI_COLD void spsi_probe_path_begin(const spsi_prober *prober, const double poi
 /* Gas and polygons between a light's point and a place on `face` (-1: in gas), which is lit by `irradiance`. */
 static void spsi_probe_toward(const spsi_prober *prober, const spsi_light *point, int face, spsi_surface *at,
                               double irradiance[3], spsi_probe_path *path) {
-    spsi_ray ray;
-    spsi_hit hit;
-    memcpy(ray.origin, at->start, sizeof ray.origin);
-    spsi_toward_light(point, at->start, ray.direction);
-    if (face < 0) memcpy(at->normal, ray.direction, sizeof at->normal);
+    double toward[3];
+    spsi_toward_light(point, at->start, toward);
+    if (face < 0) memcpy(at->normal, toward, sizeof at->normal);
     const int lit = spsi_surface_point_irradiance(prober->frame, point, at, irradiance);
     for (int c = 0; c < 3; ++c)
         irradiance[c] = spsi_dmin(irradiance[c] * (double)point->color[c], (double)SPSI_RADIANCE_MAX);
-    spsi_probe_path_begin(prober, at->start, 0, path);
+    spsi_probe_path_begin(prober, at->start, toward, face, 0, path);
     if (!point->shadows || (face >= 0 && !lit)) return;
-    const double high = point->is_point ? spsi_length(ray.direction) : HUGE_VAL;
-    ray.low = 0;
-    ray.high = high;
-    spsi_normalise(ray.direction);
-    do spsi_probe_segment(prober, face, &ray, &hit, path);
-    while (spsi_probe_filter(prober, face = hit.face, high, &ray, path));
+    if (point->is_point) path->high = spsi_length(toward);
+    spsi_normalise(path->ray.direction);
+    do spsi_probe_segment(prober, path);
+    while (spsi_probe_filter(prober, path));
 }
 
 /* Transmittance of a path to a light, with scaled extinction. */
@@ -28894,18 +28902,14 @@ static void spsi_probe_light(const spsi_prober *prober, const spsi_light *light,
 /* --- points --- */
 
 /* Adds a polygon's radiance, minus the ambient light that it hides. */
-static void spsi_probe_face(const spsi_prober *prober, const spsi_ray *ray, const spsi_hit *hit,
-                            spsi_probe_path *path) {
+static void spsi_probe_face(const spsi_prober *prober, spsi_probe_path *path) {
     const spsi_content *content = prober->frame->content;
+    const spsi_hit *hit = &path->hit;
     const spsi_face *face = &prober->faces.list[hit->face];
-    double plane[3], color[3], lit[3] = {0, 0, 0};
+    const double pixel = path->ray.high * 4 / sqrt(prober->directions);
+    double color[3], lit[3] = {0, 0, 0};
     spsi_surface at;
-    spsi_along(ray->origin, ray->direction, ray->high, at.point);
-    at.pixel = ray->high * 4 / sqrt(prober->directions);
-    spsi_face_plane(face, plane);
-    spsi_surface_face(face, hit, plane, ray->direction, &at);
-    spsi_face_color(face, hit, color);
-    if (!spsi_normalise(at.normal)) color[0] = color[1] = color[2] = 0;
+    if (!spsi_ray_surface(&prober->faces, &path->ray, hit, pixel, &at, color)) color[0] = color[1] = color[2] = 0;
     for (int l = 0; l < prober->frame->lights.whole_count && spsi_length(color) > 0; ++l)
         spsi_probe_light(prober, &prober->frame->lights.whole[l], hit->face, 0, &at, lit);
     const spsi_flight_place place = {prober->frame, &prober->faces, at.point, at.start, at.normal, hit->face};
@@ -28930,17 +28934,11 @@ static void spsi_probe_look(const spsi_prober *prober, const double point[3], co
     const double back[3] = {-way[0], -way[1], -way[2]};
     float harmonic[SPSI_CELL_TERMS];
     spsi_probe_path path;
-    spsi_hit hit = {0, -1, {0, 0}};
-    spsi_ray ray;
-    memcpy(ray.origin, point, sizeof ray.origin);
-    memcpy(ray.direction, way, sizeof ray.direction);
-    ray.low = 0;
-    ray.high = HUGE_VAL;
-    spsi_probe_path_begin(prober, point, prober->shines, &path);
+    spsi_probe_path_begin(prober, point, way, -1, prober->shines, &path);
     do {
-        spsi_probe_segment(prober, hit.face, &ray, &hit, &path);
-        if (hit.face >= 0 && prober->shines) spsi_probe_face(prober, &ray, &hit, &path);
-    } while (spsi_probe_filter(prober, hit.face, HUGE_VAL, &ray, &path));
+        spsi_probe_segment(prober, &path);
+        if (path.hit.face >= 0 && prober->shines) spsi_probe_face(prober, &path);
+    } while (spsi_probe_filter(prober, &path));
     spsi_harmonics(back, harmonic);
     const spsi_sky *lit = prober->shines ? prober->frame->sky : NULL;
     for (int c = 0; c < channels; ++c) {

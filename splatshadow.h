@@ -8921,13 +8921,19 @@ SPSI_COLD size_t spsi_light_grid_texels(const spsi_light_grid *grid) {
     return spsi_ray_count(&grid->rays[0]) * (size_t)grid->face_count;
 }
 
-/* Depth of a corner along its face's axis. */
-static double spsi_light_grid_corner_depth(const spsi_light_grid *grid, const spsi_bounds *bounds, int corner) {
-    double point[3], q[3], t = 0;
-    spsi_bounds_corner(bounds, corner, point);
-    spsi_project(&grid->rays[0], point, q);
-    for (int i = 0; i < 3; ++i) t = spsi_dmax(t, fabs(point[i] - grid->rays[0].origin[i]));
-    return grid->face_count > 1 ? t : q[2];
+/* Least and greatest depth of a box's corners, each along its face's axis. */
+SPSI_COLD void spsi_light_grid_depths(const spsi_light_grid *grid, const spsi_bounds *bounds, double depths[2]) {
+    double point[3], q[3];
+    depths[0] = HUGE_VAL, depths[1] = -HUGE_VAL;
+    for (int corner = 0; corner < 8 && !spsi_bounds_empty(bounds); ++corner) {
+        double t = 0;
+        spsi_bounds_corner(bounds, corner, point);
+        spsi_project(&grid->rays[0], point, q);
+        for (int i = 0; i < 3; ++i) t = spsi_dmax(t, fabs(point[i] - grid->rays[0].origin[i]));
+        if (grid->face_count == 1) t = q[2];
+        depths[0] = spsi_dmin(depths[0], t);
+        depths[1] = spsi_dmax(depths[1], t);
+    }
 }
 
 SPSI_COLD void spsi_light_grid_set_range(double near_depth, double far_depth, spsi_light_grid *grid) {
@@ -8945,14 +8951,11 @@ SPSI_COLD sps_result spsi_light_grid_aim(sps_context *context, const spsi_frame 
     if (grid->face_count == 0)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, light->index, "shadow_map", 0,
                               SPSI_TEXELS_ALIKE);
-    double low = grid->face_count > 1 ? 0 : HUGE_VAL, high = -HUGE_VAL;
-    for (int corner = 0; corner < 8; ++corner) {
-        const double t = spsi_light_grid_corner_depth(grid, spsi_light_bounds(frame, light), corner);
-        low = spsi_dmin(low, t);
-        high = spsi_dmax(high, t);
-    }
+    double depths[2];
+    spsi_light_grid_depths(grid, spsi_light_bounds(frame, light), depths);
     /* keeps distant media's depth range above round-off */
-    high = spsi_dmax(high, low + spsi_dmax(1e-12 * fabs(low), DBL_MIN / DBL_EPSILON));
+    const double low = grid->face_count > 1 ? 0 : depths[0];
+    const double high = spsi_dmax(depths[1], low + spsi_dmax(1e-12 * fabs(low), DBL_MIN / DBL_EPSILON));
     const double room = has_guard ? SPSI_GUARD_BAND * (high - low) : 0, first = low - room;
     spsi_light_grid_set_range(grid->rays[0].perspective ? spsi_dmax(first, 0) : first, high + room, grid);
     return SPS_OK;
@@ -14399,6 +14402,7 @@ typedef struct spsi_occluders {
     spsi_map_volumes *volumes;                  /* NULL: none */
     int coarse;                                 /* 1: texels may be wider than classified voxels */
     spsi_call_stage part;
+    spsi_bounds bounds; /* volume boxes and particles */
 } spsi_occluders;
 
 typedef struct spsi_band {
@@ -14760,11 +14764,6 @@ static void spsi_fill_task(void *data, int index) {
 
 /* --- volumes --- */
 
-/* Fraction of a slab from u that lies before near_depth. */
-static double spsi_slab_before(const spsi_filling *filling, double u) {
-    return spsi_dmin(spsi_dmax(-u / filling->u_per_slab, 0), 1);
-}
-
 static void spsi_insert_slabs(const spsi_map_tile *into, const spsi_tile *tile) {
     const spsi_filling *filling = into->filling;
     const spsi_map_volumes *volumes = filling->occluders->volumes;
@@ -14779,7 +14778,8 @@ static void spsi_insert_slabs(const spsi_map_tile *into, const spsi_tile *tile) 
             const spsi_m here = spsi_less(at, spsi_set((float)(into->x0 + into->width) - 0.5f));
             for (int k = 0; k < SPSI_CHUNK; ++k) {
                 const double u = filling->slab_u + (first_slab + k) * filling->u_per_slab;
-                const double before = filling->map->has_fronts ? spsi_slab_before(filling, u) : 0;
+                const double part = filling->map->has_fronts ? -u / filling->u_per_slab : 0;
+                const double before = spsi_dmin(spsi_dmax(part, 0), 1); /* fraction before near_depth */
                 spsi_v depth = spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size, &slabs);
                 depth = spsi_select(here, spsi_min(depth, spsi_set(SPSI_DEPTH_MAX)), spsi_set(0));
                 if (!spsi_bits(spsi_less(spsi_set(0), depth))) continue;
@@ -14860,20 +14860,6 @@ static void spsi_update_texel(const sps_tmap *map, const float *sums, size_t str
     if (is_moment) spsi_moment_finish(&map->inner, texel);
 }
 
-static void spsi_update_task(void *data, int index) {
-    const spsi_filling *filling = (const spsi_filling *)data;
-    const sps_tmap *map = filling->map;
-    const size_t components = (size_t)map->settings.components;
-    spsi_map_tile into;
-    spsi_map_tile_place(filling, index, &into);
-    for (int i = 0; i < into.width * into.height; ++i) {
-        const size_t texel = spsi_map_tile_texel(&into, into.x0 + i % into.width, into.y0 + i / into.width);
-        float *fronts = (float *)map->data.fronts.data;
-        spsi_update_texel(map, into.sums + i, into.stride, (float *)map->data.texels.data + texel * components);
-        if (fronts) fronts[texel] = spsi_fmax(fronts[texel] + into.sums[components * into.stride + (size_t)i], 0);
-    }
-}
-
 static void spsi_store_task(void *data, int index) {
     const spsi_filling *filling = (const spsi_filling *)data;
     const sps_tmap *map = filling->map;
@@ -14881,7 +14867,7 @@ static void spsi_store_task(void *data, int index) {
     const int is_even = map->settings.technique == SPS_TMAP_TABLE || spsi_settings_are_even(&map->settings);
     const int is_table = map->table && is_even && map->settings.components == map->table->planes;
     const int components = map->inner.components;
-    float own[SPSI_TMAP_COMPONENTS];
+    float own[SPSI_TMAP_COMPONENTS], *fronts = map->has_fronts ? (float *)map->data.fronts.data : NULL;
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
     for (int i = 0; i < into.width * into.height; ++i) {
@@ -14891,14 +14877,18 @@ static void spsi_store_task(void *data, int index) {
             continue;
         }
         float *out = map->table ? own : (float *)map->data.texels.data + texel * (size_t)map->settings.components;
+        if (fronts)
+            fronts[texel] = spsi_fmax(fronts[texel] + into.sums[(size_t)components * into.stride + (size_t)i], 0);
+        if (map->updates) {
+            spsi_update_texel(map, into.sums + i, into.stride, out);
+            continue;
+        }
         if (map->has_range) {
             *out++ = into.ranges[i];
             *out++ = spsi_fmax(into.ranges[into.stride + (size_t)i], into.ranges[i]);
         }
         SPSI_ROLLED for (int k = 0; k < components; ++k) out[k] = into.sums[(size_t)k * into.stride + (size_t)i];
         if (map->technique->finish) map->technique->finish(&map->inner, out);
-        if (map->has_fronts)
-            ((float *)map->data.fronts.data)[texel] = into.sums[(size_t)components * into.stride + (size_t)i];
         const spsi_texel whole = {out, 0};
         if (map->table) spsi_shadow_table_evaluate(map, texel, &whole);
     }
@@ -14937,8 +14927,7 @@ SPSI_COLD sps_result spsi_fill_sums(spsi_filling *filling) {
         spsi_parallel_items(filling->context, filling->band.tiles_x, spsi_ranges_task, filling);
     }
     if (spsi_fill_band(filling, SPSI_VISIT_SUMS)) return filling->context->result;
-    spsi_parallel_items(filling->context, filling->band.tiles_x, map->updates ? spsi_update_task : spsi_store_task,
-                        filling);
+    spsi_parallel_items(filling->context, filling->band.tiles_x, spsi_store_task, filling);
     return SPS_OK;
 }
 
@@ -15360,22 +15349,12 @@ SPSI_COLD sps_result spsi_tmap_trim(sps_tmap *map) {
 
 /* 1: translucent polygons or gas may lie before near_depth. */
 SPSI_COLD int spsi_tmap_needs_fronts(const sps_tmap *map, const spsi_occluders *occluders) {
-    const spsi_content *content = occluders->frame->content;
-    const spsi_rays *rays = &map->grid.rays[0];
-    double at[3], q[3];
+    double depths[2];
     if (map->table || !spsi_tmap_may_have_fronts(map)) return 0;
-    if (map->grid.face_count > 1) return 1;
     for (int i = 0; i < occluders->faces.count; ++i)
         if (spsi_face_is_translucent(&occluders->faces.list[i])) return 1;
-    for (int corner = 0; corner < 8 && occluders->volumes; ++corner)
-        if (spsi_light_grid_corner_depth(&map->grid, &content->bounds, corner) < map->grid.near_depth) return 1;
-    for (int i = 0; i < content->particle_count; ++i) {
-        const spsi_particle *particle = &content->particles[i];
-        for (int k = 0; k < 3; ++k) at[k] = (double)particle->position[k];
-        spsi_point_to_rays(rays, at, q);
-        if (q[2] - (double)particle->radius * rays->per_length < map->grid.near_depth) return 1;
-    }
-    return 0;
+    spsi_light_grid_depths(&map->grid, &occluders->bounds, depths);
+    return map->grid.face_count > 1 || depths[0] < map->grid.near_depth;
 }
 
 /* Frees fronts that are 0 everywhere. */
@@ -15586,19 +15565,14 @@ SPSI_COLD spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     return frame;
 }
 
-/* True if the voxels' box reaches beyond far_depth. */
-SPSI_COLD int spsi_voxels_outside(const sps_tmap *map, const spsi_bounds *bounds) {
-    const double last = map->grid.far_depth + SPSI_OUTSIDE / map->grid.per_depth;
-    for (int corner = 0; corner < 8 && !spsi_bounds_empty(bounds); ++corner)
-        if (spsi_light_grid_corner_depth(&map->grid, bounds, corner) > last) return 1;
-    return 0;
-}
-
 /* Reports gas beyond far_depth (added there). */
 SPSI_COLD void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *frame) {
     const double particles = (double)map->context->stats.particles_outside;
-    const int voxels = frame->medium_count > 0 && spsi_voxels_outside(map, &frame->content->bounds);
     char counted[40] = "", text[160];
+    double depths[2];
+    spsi_light_grid_depths(&map->grid, &frame->content->bounds, depths);
+    const int voxels =
+        frame->medium_count > 0 && depths[1] > map->grid.far_depth + SPSI_OUTSIDE / map->grid.per_depth;
     if (!(particles > 0) && !voxels) return;
     if (particles > 0) SPS_SNPRINTF(counted, sizeof counted, "%.0f of the particles%s", particles, voxels ? ", " : "");
     SPS_SNPRINTF(text, sizeof text, "tmap: gas beyond far_depth %g counts there: %s%s", map->settings.far_depth,
@@ -15622,7 +15596,9 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
     memset(&occluders, 0, sizeof occluders);
     if (!frame) return context->result;
     /* voxels after particles: slabs are cut from voxels' bounds alone */
-    if (spsi_gather_particles(context, frame) || spsi_gather(context, frame) || spsi_pyramids_place(context, frame) ||
+    if (spsi_gather_particles(context, frame)) return context->result;
+    occluders.bounds = frame->content->bounds;
+    if (spsi_gather(context, frame) || spsi_pyramids_place(context, frame) ||
         spsi_gather_faces(context, frame, &occluders.faces))
         return context->result;
     occluders.frame = frame;
@@ -21602,15 +21578,6 @@ static int spsi_visibility_bytes(const spsi_frame *frame, const spsi_light *ligh
     return light->point_count * (frame->meshes.translucent ? 3 * (int)sizeof(float) : 1);
 }
 
-/* Returns 0 if a point of a light cannot reach a surface, regardless of occluders. */
-static int spsi_visibility_needs(const spsi_frame *frame, const spsi_light *point, const spsi_surface *surface) {
-    double toward[3], irradiance[3];
-    spsi_toward_light(point, surface->point, toward);
-    if (!(spsi_dot(surface->normal, toward) > 0)) return 0;
-    if (!point->cone.exists && !point->projection.exists) return 1;
-    return spsi_surface_point_irradiance(frame, point, surface, irradiance);
-}
-
 /* Returns the number of rays. */
 static int spsi_visibility_point(const spsi_visibility_job *job, int n, const spsi_visibility_surfaces *block) {
     const spsi_light *point = &job->light->points[n];
@@ -21618,8 +21585,9 @@ static int spsi_visibility_point(const spsi_visibility_job *job, int n, const sp
     int rays = 0;
     spsi_packet_begin(job->faces, !point->is_point, 1, &packet);
     for (int at = 0; at < SPSI_PACKET; ++at) {
-        double toward[3];
-        if (!(block->used >> at & 1) || !spsi_visibility_needs(job->frame, point, &block->at[at])) continue;
+        double toward[3], irradiance[3];
+        if (!(block->used >> at & 1)) continue;
+        if (!spsi_surface_point_irradiance(job->frame, point, &block->at[at], irradiance)) continue;
         spsi_toward_light(point, block->at[at].start, toward);
         spsi_packet_add(&job->faces->tree, at, block->face[at], block->at[at].start, toward, &packet);
         rays += 1;
@@ -29576,29 +29544,25 @@ SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *l
     return spsi_end(context);
 }
 
-/* Fails if the map is finished or has failed. */
-SPSI_COLD sps_result spsi_require_unfinished(const sps_tmap *map) {
-    const char *rest = map->failed ? "has failed to finish; destroy it" : "is finished already";
-    if (!map->failed && !map->finished) return SPS_OK;
+/* Fails unless the map is finished (1) or can still be (0). */
+SPSI_COLD sps_result spsi_require_finished(const sps_tmap *map, int finished) {
+    const char *rest = finished ? "is not finished" : "is finished already";
+    if (map->finished == finished && (finished || !map->failed)) return SPS_OK;
+    if (map->failed && !finished) rest = "has failed to finish; destroy it";
     return spsi_fail_that(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP, -1, "", 0, rest);
-}
-
-SPSI_COLD sps_result spsi_require_finished(const sps_tmap *map) {
-    if (map->finished) return SPS_OK;
-    return spsi_fail_that(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP, -1, "", 0, "is not finished");
 }
 
 SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene) {
     const sps_result refused = spsi_begin(map ? map->context : NULL);
     if (refused) return refused;
-    if (!spsi_require(map->context, scene, "scene") && !spsi_require_unfinished(map)) spsi_tmap_add(map, scene);
+    if (!spsi_require(map->context, scene, "scene") && !spsi_require_finished(map, 0)) spsi_tmap_add(map, scene);
     return spsi_end(map->context);
 }
 
 SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
     const sps_result refused = spsi_begin(map ? map->context : NULL);
     if (refused) return refused;
-    if (spsi_require_unfinished(map)) return spsi_end_timed(map->context);
+    if (spsi_require_finished(map, 0)) return spsi_end_timed(map->context);
     map->failed = spsi_tmap_finish(map) != SPS_OK;
     spsi_tmap_forget(map);
     return spsi_end_timed(map->context);
@@ -29607,7 +29571,7 @@ SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
 SPS_API sps_result sps_tmap_update(sps_tmap *map, const sps_scene *removed, const sps_scene *added) {
     const sps_result refused = spsi_begin(map ? map->context : NULL);
     if (refused) return refused;
-    if (!spsi_require_finished(map)) spsi_tmap_update(map, removed, added);
+    if (!spsi_require_finished(map, 1)) spsi_tmap_update(map, removed, added);
     spsi_tmap_forget(map);
     return spsi_end_timed(map->context);
 }
@@ -29714,7 +29678,7 @@ SPS_API sps_result sps_tmap_export(const sps_tmap *map, const sps_tmap_export_se
     sps_tmap_texture made;
     if (refused) return refused;
     if (spsi_require(map->context, settings, "settings") || spsi_require(map->context, texture, "texture") ||
-        spsi_require_finished(map) || spsi_export_check(map, settings))
+        spsi_require_finished(map, 1) || spsi_export_check(map, settings))
         return spsi_end(map->context);
     spsi_export_describe(map, settings, &made);
     if (texels && bytes < made.bytes) {

@@ -14583,21 +14583,12 @@ static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const sp
     }
 }
 
-/* The texel's first and last u, or 0 and 1. */
-static void spsi_map_tile_range(const spsi_map_tile *into, size_t at, spsi_v range[2]) {
-    const int own = into->filling->map->has_range && into->filling->visit == SPSI_VISIT_SUMS;
-    for (int i = 0; i < 2; ++i)
-        range[i] = own ? spsi_load(into->ranges + (size_t)i * into->stride + at) : spsi_set((float)i);
-}
-
-/* Inserts an interval clipped to the texel's range; parts beyond are added at the ends. */
+/* Inserts an interval clipped to the texel's range or to 0..1; parts beyond are added at the ends. */
 static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const spsi_interval *interval) {
-    spsi_v range[2];
-    float ends[2][SPSI_LANES];
-    spsi_map_tile_range(into, spsi_map_tile_at(into, x, y), range);
-    for (int i = 0; i < 2; ++i) spsi_store(ends[i], range[i]);
-    const float from = spsi_fmax(spsi_fmin(interval->u0, *ends[1]), *ends[0]);
-    const float to = spsi_fmax(spsi_fmin(interval->u1, *ends[1]), *ends[0]);
+    const float *range = into->filling->map->has_range ? into->ranges + spsi_map_tile_at(into, x, y) : NULL;
+    const float low = range ? range[0] : 0, high = range ? range[into->stride] : 1;
+    const float from = spsi_fmax(spsi_fmin(interval->u0, high), low);
+    const float to = spsi_fmax(spsi_fmin(interval->u1, high), low);
     const float before = spsi_interval_fraction(interval, from), until = spsi_interval_fraction(interval, to);
     const spsi_interval front = {from, from, interval->depth * before, 0};
     const spsi_interval even = {from, to, interval->depth * (until - before), 0};
@@ -14651,7 +14642,9 @@ static void spsi_insert_chords(const spsi_map_tile *into, const spsi_sphere *sph
     const spsi_v per_t = spsi_set((float)filling->map->grid.per_depth), zero = spsi_set(0), one = spsi_set(1);
     const double begin = filling->map->has_fronts ? 0 : spsi_dmax(filling->light_u, -SPSI_INTERVAL_REACH);
     spsi_v range[2] = {spsi_set((float)begin), spsi_set((float)SPSI_INTERVAL_REACH)};
-    if (parts) spsi_map_tile_range(into, spsi_map_tile_at(into, x, y), range);
+    const int ranged = filling->map->has_range && filling->visit == SPSI_VISIT_SUMS;
+    const float *own = ranged ? into->ranges + spsi_map_tile_at(into, x, y) : NULL;
+    for (size_t i = 0; i < 2 && parts; ++i) range[i] = own ? spsi_load(own + i * into->stride) : spsi_set((float)i);
     const spsi_m here = spsi_less(spsi_iota(), spsi_set((float)(last - x) + 0.5f));
     float lanes[3][SPSI_LANES];
     spsi_chord chord;
@@ -15655,7 +15648,7 @@ typedef struct spsi_export {
 } spsi_export;
 
 /* Rounds to half precision, ties to even; beyond 65504 it clamps. */
-static uint16_t spsi_to_half(float value) {
+SPSI_COLD uint16_t spsi_to_half(float value) {
     uint32_t bits, half;
     memcpy(&bits, &value, sizeof bits);
     const uint32_t sign = bits >> 16 & 0x8000, size = bits & 0x7fffffff;
@@ -15670,12 +15663,8 @@ static uint16_t spsi_to_half(float value) {
     return (uint16_t)(sign | half);
 }
 
-static int spsi_export_bytes_each(sps_export_format format) {
-    return format == SPS_EXPORT_FLOAT ? 4 : format == SPS_EXPORT_UNORM8 ? 1 : 2;
-}
-
 /* 1: component k is an optical depth. */
-static int spsi_export_is_depth(const spsi_export *job, int k) {
+SPSI_COLD int spsi_export_is_depth(const spsi_export *job, int k) {
     const sps_tmap *map = job->map;
     if (job->settings->content != SPS_EXPORT_GAS) return job->settings->content == SPS_EXPORT_BEER && k == 2;
     if (k >= map->settings.components) return 1; /* a front */
@@ -15683,28 +15672,22 @@ static int spsi_export_is_depth(const spsi_export *job, int k) {
                                                          : k == 0 && map->settings.technique == SPS_TMAP_MOMENT;
 }
 
-static float spsi_export_limit(const sps_tmap_export_settings *settings) {
-    static const float usual[] = {FLT_MAX, 65504, 12, 6};
-    return settings->depth_limit > 0 ? settings->depth_limit : usual[settings->format];
-}
-
-static int spsi_export_is_empty(const sps_tmap *map, size_t index) {
-    const float *texel = (const float *)map->data.texels.data + index * (size_t)map->settings.components;
-    if (map->settings.technique == SPS_TMAP_MOMENT) return !(texel[0] > 0);
-    if (map->settings.technique == SPS_TMAP_FOURIER) return !(texel[2 * map->has_range] > 0);
-    return !(texel[map->settings.components - 1] > 0);
+SPSI_COLD int spsi_export_is_empty(const sps_tmap *map, size_t index) {
+    const size_t components = (size_t)map->settings.components;
+    const size_t whole = map->technique->insert == spsi_opacity_insert ? components - 1 : 2 * (size_t)map->has_range;
+    return !(((const float *)map->data.texels.data)[index * components + whole] > 0);
 }
 
 /* Replaces an empty texel's range or moments by the mean of its neighbours', if any contains gas. */
-static void spsi_export_borrow(const sps_tmap *map, const int at[3], float *values) {
-    const int width = map->grid.rays[0].width, height = map->grid.rays[0].height;
+SPSI_COLD void spsi_export_borrow(const sps_tmap *map, int x, int row, float *values) {
+    const int width = map->grid.rays[0].width, height = map->grid.rays[0].height, top = row - row % height;
     const int first = map->settings.technique == SPS_TMAP_MOMENT;
     const int last = first ? map->settings.components : 2 * map->has_range;
     float sums[SPSI_TMAP_COMPONENTS] = {0};
     int some = 0;
-    for (int y = spsi_imax(at[1] - 1, 0); y <= spsi_imin(at[1] + 1, height - 1); ++y)
-        for (int x = spsi_imax(at[0] - 1, 0); x <= spsi_imin(at[0] + 1, width - 1); ++x) {
-            const size_t index = ((size_t)at[2] * (size_t)height + (size_t)y) * (size_t)width + (size_t)x;
+    for (int v = spsi_imax(row - 1, top); v <= spsi_imin(row + 1, top + height - 1); ++v)
+        for (int u = spsi_imax(x - 1, 0); u <= spsi_imin(x + 1, width - 1); ++u) {
+            const size_t index = (size_t)v * (size_t)width + (size_t)u;
             const float *texel = (const float *)map->data.texels.data + index * (size_t)map->settings.components;
             if (spsi_export_is_empty(map, index)) continue;
             for (int k = first; k < last; ++k) sums[k] += texel[k];
@@ -15715,7 +15698,7 @@ static void spsi_export_borrow(const sps_tmap *map, const int at[3], float *valu
 
 /* Length in u of a list's parts with gas, where it begins, and its optical depth. Depth may not begin before the light.
    Intervals are sorted, and may overlap. */
-static double spsi_list_extent(const sps_tmap *map, const spsi_texel *texel, double *first, double *depth) {
+SPSI_COLD double spsi_list_extent(const sps_tmap *map, const spsi_texel *texel, double *first, double *depth) {
     const spsi_interval *intervals = (const spsi_interval *)texel->data;
     const spsi_node *nodes = (const spsi_node *)texel->data;
     double length = 0, end = -HUGE_VAL, sum = 0;
@@ -15737,7 +15720,7 @@ static double spsi_list_extent(const sps_tmap *map, const spsi_texel *texel, dou
 
 #define SPSI_THIN_GAS 1e-6 /* minimum length of gas in u, which keeps the extinction of thin sheets finite */
 
-static void spsi_export_beer(const spsi_export *job, size_t index, float *values) {
+SPSI_COLD void spsi_export_beer(const spsi_export *job, size_t index, float *values) {
     const sps_tmap_export_settings *settings = job->settings;
     const spsi_light_grid *grid = &job->map->grid;
     const spsi_texel texel = spsi_tmap_texel(job->map, index);
@@ -15752,38 +15735,35 @@ static void spsi_export_beer(const spsi_export *job, size_t index, float *values
     values[2] = (float)depth;
 }
 
-/* All components of the texel at column, row, face. */
-static void spsi_export_texel(const spsi_export *job, const int at[3], float *values) {
+/* All components of a texel; rows of all faces, one below the other. */
+SPSI_COLD void spsi_export_texel(const spsi_export *job, int x, int row, float *values) {
     const sps_tmap *map = job->map;
-    const spsi_rays *rays = &map->grid.rays[0];
-    const size_t index = ((size_t)at[2] * (size_t)rays->height + (size_t)at[1]) * (size_t)rays->width + (size_t)at[0];
+    const size_t index = (size_t)row * (size_t)map->grid.rays[0].width + (size_t)x;
     const size_t components = (size_t)map->settings.components;
     if (job->settings->content == SPS_EXPORT_SURFACES) {
         values[0] = ((const float *)map->data.surfaces.data)[index];
-        return;
-    }
-    if (job->settings->content == SPS_EXPORT_BEER) {
+    } else if (job->settings->content == SPS_EXPORT_BEER) {
         spsi_export_beer(job, index, values);
-        return;
+    } else {
+        memcpy(values, (const float *)map->data.texels.data + index * components, components * sizeof *values);
+        if (map->data.fronts.data) values[components] = ((const float *)map->data.fronts.data)[index];
+        if (!job->settings->keep_empty && spsi_export_is_empty(map, index)) spsi_export_borrow(map, x, row, values);
     }
-    memcpy(values, (const float *)map->data.texels.data + index * components, components * sizeof *values);
-    if (map->data.fronts.data) values[components] = ((const float *)map->data.fronts.data)[index];
-    if (!job->settings->keep_empty && spsi_export_is_empty(map, index)) spsi_export_borrow(map, at, values);
 }
 
-/* The texel of a hardware cube map, mixed from four of the map's. `at`: column, row, face. */
-static void spsi_export_cube_texel(const spsi_export *job, const int at[3], float *values) {
+/* The texel of a hardware cube map, mixed from four of the map's. */
+SPSI_COLD void spsi_export_cube_texel(const spsi_export *job, int x, int row, float *values) {
     /* rows: x, y, z of the direction to texture coordinates (s, t), as 1, s, t */
     static const signed char faces[6][3][3] = {
         {{1, 0, 0}, {0, 0, -1}, {0, -1, 0}}, {{-1, 0, 0}, {0, 0, -1}, {0, 1, 0}}, {{0, 1, 0}, {1, 0, 0}, {0, 0, 1}},
         {{0, 1, 0}, {-1, 0, 0}, {0, 0, -1}}, {{0, 1, 0}, {0, 0, -1}, {1, 0, 0}},  {{0, -1, 0}, {0, 0, -1}, {-1, 0, 0}}};
-    const int size = job->map->grid.rays[0].width, axis = at[2] / 2;
-    const double st[2] = {(2 * at[0] + 1.0) / size - 1, (2 * at[1] + 1.0) / size - 1};
+    const int size = job->map->grid.rays[0].width, face = row / size;
+    const double st[2] = {(2 * x + 1.0) / size - 1, (2 * (row % size) + 1.0) / size - 1};
     float four[SPSI_EXPORT_MOST];
     double share[2];
     int corner[2];
     for (int i = 0; i < 2; ++i) {
-        const signed char *to = faces[at[2]][(axis + 1 + i) % 3];
+        const signed char *to = faces[face][(face / 2 + 1 + i) % 3];
         const double place = 0.5 * (to[0] + to[1] * st[0] + to[2] * st[1] + 1) * (size - 1);
         corner[i] = spsi_imin((int)place, spsi_imax(size - 2, 0));
         share[i] = place - corner[i];
@@ -15791,33 +15771,29 @@ static void spsi_export_cube_texel(const spsi_export *job, const int at[3], floa
     }
     memset(values, 0, (size_t)job->texture->constants.components * sizeof *values);
     for (int i = 0; i < 4; ++i) {
-        const int x = spsi_imin(corner[0] + (i & 1), size - 1), y = spsi_imin(corner[1] + (i >> 1), size - 1);
-        const int from[3] = {x, y, at[2]};
+        const int down = face * size + spsi_imin(corner[1] + (i >> 1), size - 1);
         const double weight = (i & 1 ? share[0] : 1 - share[0]) * (i >> 1 ? share[1] : 1 - share[1]);
-        spsi_export_texel(job, from, four);
+        spsi_export_texel(job, spsi_imin(corner[0] + (i & 1), size - 1), down, four);
         for (int k = 0; k < job->texture->constants.components; ++k) values[k] += (float)weight * four[k];
     }
 }
 
-/* Index of component k of a texel in the texture. */
-static size_t spsi_export_place(const spsi_export *job, const int at[3], int k) {
+/* Stores component k of a texel. */
+SPSI_COLD void spsi_export_store(const spsi_export *job, int x, int y, int k, float value) {
     const sps_tmap_texture *texture = job->texture;
-    const size_t channels = (size_t)texture->channels, width = (size_t)job->map->grid.rays[0].width;
-    const size_t height = (size_t)job->map->grid.rays[0].height, columns = (size_t)texture->constants.columns;
-    const size_t layer = (size_t)k / channels, face = (size_t)at[2];
-    const size_t per_face = ((size_t)texture->constants.components + channels - 1) / channels;
-    const int is_cube = job->settings->layout == SPS_EXPORT_CUBE;
-    const size_t tile = is_cube ? SPSI_CUBE_FACES * layer + face : face * per_face + layer;
-    const size_t row = tile / columns * height + (size_t)at[1], column = tile % columns * width + (size_t)at[0];
-    return (row * columns * width + column) * channels + (size_t)k % channels;
-}
-
-static void spsi_export_store(const spsi_export *job, size_t place, int k, float value) {
-    const sps_export_constants *constants = &job->texture->constants;
+    const sps_export_constants *constants = &texture->constants;
+    const int width = job->map->grid.rays[0].width, height = job->map->grid.rays[0].height;
+    const int channels = texture->channels, columns = constants->columns, layer = k / channels, face = y / height;
+    const int per_face = (constants->components + channels - 1) / channels;
+    const int tile =
+        job->settings->layout == SPS_EXPORT_CUBE ? SPSI_CUBE_FACES * layer + face : face * per_face + layer;
+    const size_t row = (size_t)(tile / columns) * (size_t)height + (size_t)(y % height);
+    const size_t texel = (row * (size_t)columns + (size_t)(tile % columns)) * (size_t)width + (size_t)x;
+    const size_t place = texel * (size_t)channels + (size_t)(k % channels);
     const float range = job->settings->format == SPS_EXPORT_UNORM8 ? 255.0f : 65535.0f;
     const float part = spsi_fmax(spsi_fmin((value - constants->offset[k]) / constants->scale[k], 1), 0);
-    const int is_half = job->settings->format == SPS_EXPORT_HALF;
-    const uint16_t number = is_half ? spsi_to_half(value) : (uint16_t)(part * range + 0.5f);
+    const uint16_t number =
+        job->settings->format == SPS_EXPORT_HALF ? spsi_to_half(value) : (uint16_t)(part * range + 0.5f);
     if (job->settings->format == SPS_EXPORT_FLOAT)
         memcpy(job->out + 4 * place, &value, sizeof value);
     else if (job->settings->format == SPS_EXPORT_UNORM8)
@@ -15826,29 +15802,28 @@ static void spsi_export_store(const spsi_export *job, size_t place, int k, float
         memcpy(job->out + 2 * place, &number, sizeof number);
 }
 
-static void spsi_export_row_task(void *data, int index) {
+SPSI_COLD void spsi_export_row_task(void *data, int index) {
     const spsi_export *job = (const spsi_export *)data;
-    const spsi_rays *rays = &job->map->grid.rays[0];
+    static const float limits[] = {FLT_MAX, 65504, 12, 6}; /* of optical depths, unless set */
     const float format_limit = job->settings->format == SPS_EXPORT_HALF ? 65504.0f : FLT_MAX;
-    const float depth_limit = spsi_fmin(spsi_export_limit(job->settings), format_limit);
+    const float own = job->settings->depth_limit, most = own > 0 ? own : limits[job->settings->format];
     const int count = job->texture->constants.components;
     spsi_export_row *row = &job->rows[index];
     float values[SPSI_EXPORT_MOST];
     memset(row, 0, sizeof *row);
-    for (int x = 0; x < rays->width; ++x) {
-        const int at[3] = {x, index % rays->height, index / rays->height};
+    for (int x = 0; x < job->map->grid.rays[0].width; ++x) {
         if (job->settings->layout == SPS_EXPORT_CUBE)
-            spsi_export_cube_texel(job, at, values);
+            spsi_export_cube_texel(job, x, index, values);
         else
-            spsi_export_texel(job, at, values);
+            spsi_export_texel(job, x, index, values);
         for (int k = 0; k < count; ++k) {
-            const float limit = spsi_export_is_depth(job, k) ? depth_limit : format_limit;
+            const float limit = spsi_export_is_depth(job, k) ? spsi_fmin(most, format_limit) : format_limit;
             const int beyond = fabsf(values[k]) > limit;
             const float value = spsi_fmax(spsi_fmin(values[k], limit), -limit);
             row->clamped += (uint32_t)(beyond && job->settings->content != SPS_EXPORT_SURFACES);
             row->least[k] = x > 0 ? spsi_fmin(row->least[k], value) : value;
             row->most[k] = x > 0 ? spsi_fmax(row->most[k], value) : value;
-            if (job->writes) spsi_export_store(job, spsi_export_place(job, at, k), k, value);
+            if (job->writes) spsi_export_store(job, x, index, k, value);
         }
     }
 }
@@ -15897,6 +15872,7 @@ SPSI_COLD sps_result spsi_export_check(const sps_tmap *map, const sps_tmap_expor
 
 SPSI_COLD void spsi_export_describe(const sps_tmap *map, const sps_tmap_export_settings *settings,
                                     sps_tmap_texture *texture) {
+    static const int bytes[] = {4, 2, 2, 1}; /* per number */
     static const float biases[4][2] = {{5e-7f, 5e-6f}, {1e-5f, 1e-5f}, {1e-5f, 1e-5f}, {6e-4f, 1e-3f}};
     const int wide = settings->layout != SPS_EXPORT_SLICES && settings->content != SPS_EXPORT_SURFACES;
     const int gas = map->settings.components + (map->data.fronts.data != NULL);
@@ -15911,7 +15887,7 @@ SPSI_COLD void spsi_export_describe(const sps_tmap *map, const sps_tmap_export_s
     texture->height = map->grid.rays[0].height * (columns > 1 ? (tiles + columns - 1) / columns : 1);
     texture->layers = settings->layout == SPS_EXPORT_ATLAS ? 1 : tiles;
     texture->bytes = (size_t)texture->width * (size_t)texture->height * (size_t)texture->layers *
-                     (size_t)(texture->channels * spsi_export_bytes_each(settings->format));
+                     (size_t)(texture->channels * bytes[settings->format]);
     texture->constants.columns = columns;
     if (map->settings.technique == SPS_TMAP_MOMENT)
         texture->constants.moment_bias = biases[settings->format][map->settings.components == 7];
@@ -24433,7 +24409,7 @@ SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *fra
 }
 
 /* Reuses the last call's light if possible. */
-static sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+SPSI_COLD sps_result spsi_cells_find(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                   const spsi_call_stage *part) {
     const double start = spsi_clock(context);
     spsi_cell_grid *grids = SPSI_RESERVE(context, SPSI_BUFFER_CELL_GRID, SPSI_CELL_GRIDS, spsi_cell_grid);
@@ -28966,18 +28942,16 @@ static void spsi_probe_lights(const spsi_prober *prober, const double point[3], 
         const spsi_light *light = &prober->frame->lights.whole[l];
         double mean[3] = {0, 0, 0};
         for (int n = 0; n < light->point_count; ++n) {
-            double irradiance[3], toward[3];
+            double irradiance[3];
             spsi_probe_path path;
             spsi_probe_toward(prober, &light->points[n], -1, &at, irradiance, &path);
-            spsi_toward_light(&light->points[n], point, toward);
-            spsi_normalise(toward);
             for (int c = 0; c < 3; ++c) {
                 const double through = path.filter[c] * exp(-path.depth) / light->point_count;
                 const double peak = spsi_probe_through(prober, &path, c) / light->point_count - through;
                 mean[c] += through;
                 sums[3 + c] += 0.25 / SPSI_PI * irradiance[c] * peak;
                 for (int k = 0; k < 3; ++k)
-                    sums[6 + 3 * c + k] += 0.25 / SPSI_PI * irradiance[c] * peak * toward[k];
+                    sums[6 + 3 * c + k] += 0.25 / SPSI_PI * irradiance[c] * peak * path.ray.direction[k];
             }
         }
         for (int c = 0; c < 3; ++c) transmittance[c] = (float)mean[c];

@@ -20466,15 +20466,10 @@ static void spsi_sky_reflected(const spsi_flight_place *place, const double way[
     spsi_ray ray = {{place->start[0], place->start[1], place->start[2]}, {way[0], way[1], way[2]}, 0, HUGE_VAL};
     spsi_hit hit;
     spsi_surface surface;
-    double plane[3], color[3], even[3];
-    if (!spsi_ray_to_opaque(place->faces, place->face, &ray, &hit)) return; /* by round-off: black */
-    const spsi_face *face = &place->faces->list[hit.face];
+    double color[3], even[3];
+    if (!spsi_ray_to_opaque(place->faces, place->face, &ray, &hit)) return; /* by round-off: open, but black */
     rays->reach[n] = (float)ray.high;
-    spsi_along(ray.origin, ray.direction, ray.high, surface.point);
-    spsi_face_plane(face, plane);
-    spsi_surface_face(face, &hit, plane, ray.direction, &surface);
-    spsi_face_color(face, &hit, color);
-    if (!spsi_normalise(surface.normal)) return;
+    if (!spsi_ray_surface(place->faces, &ray, &hit, 0, &surface, color)) return;
     spsi_sky_even(&place->frame->sky->rays, surface.normal, even);
     for (int c = 0; c < 3; ++c) rays->sent[c][n] = color[c] * even[c];
 }

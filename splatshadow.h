@@ -170,7 +170,8 @@ typedef enum sps_result {
     SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero, called into its context, or threw */
     SPS_ERROR_DATA,        /* a callback delivered a value that is negative, above 1e18 or not finite */
     SPS_ERROR_UNSUPPORTED, /* no slicing direction suits camera and light (SPS_SHADOW_SHEETS); or sps_reference needs
-                              paths for the view's scattering; or values exceed the range of floats */
+                              paths for the view's scattering; or values exceed the range of floats; or a scene has
+                              strands */
     SPS_ERROR_CANCELLED    /* progress_fn returned non-zero */
 } sps_result;
 
@@ -191,15 +192,16 @@ typedef enum sps_object {
     SPS_OBJECT_TMAP_SETTINGS,
     SPS_OBJECT_REFERENCE_SETTINGS,
     SPS_OBJECT_TMAP_EXPORT, /* sps_tmap_export_settings */
-    SPS_OBJECT_PROBE_ARRAYS /* `out` of sps_light_probes */
+    SPS_OBJECT_PROBE_ARRAYS, /* `out` of sps_light_probes */
+    SPS_OBJECT_STRANDS       /* set of strands `index` */
 } sps_object;
 
 /* A failure as data. */
 typedef struct sps_error_info {
     sps_result result;
     sps_object object;
-    /* Index of the volume, mesh, light or particle set in the scene's array; -1 for other objects. After
-       sps_tmap_finish, it counts across all scenes added to the map. */
+    /* Index of the volume, mesh, light, particle set or set of strands in the scene's array; -1 for other objects.
+       After sps_tmap_finish, it counts across all scenes added to the map. */
     int index;
     /* Member of the object in C syntax ("transfer.points[2].value"; colors and directions as a whole), or the callback
        that failed. SPS_ERROR_DATA: the value ("particle[7].radius"). Inside sps_grid and sps_indexed_mesh:
@@ -455,6 +457,28 @@ typedef struct sps_particles {
     uint32_t end_canary;   /* leave 0 */
 } sps_particles;
 
+/* A point of a strand, joined to the next one by a straight segment. */
+typedef struct sps_strand_point {
+    float position[3];   /* world */
+    float width;         /* world units, >= 0; interpolated along a segment */
+    float optical_depth; /* across the strand, 0..1e18: -log1p(-opacity); a segment has the mean of its ends */
+    int begins;          /* 1: begins a strand, as a set's first point always does; a single point casts no shadow */
+} sps_strand_point;
+
+/* Strands (hair, grass, wires), for transmittance maps alone: sps_render and others return UNSUPPORTED. Each is a
+   ribbon that faces the light, its ends cut square; end-on, it casts no shadow. Texels get its optical depth by the
+   share of their area that it covers, so its total is kept at any width, angle and place. Bends are mitred, up to a
+   quarter turn and half a segment. A map's light must be many widths away. */
+typedef struct sps_strands {
+    uint32_t start_canary; /* leave 0 */
+    size_t count;          /* points, 0: no strands; at most 2^29, over all sets of a map */
+    /* Writes `count` points, beginning at index `first`. Called once for each block of up to 4096. `out` arrives
+       zeroed. Where the scene replaces invalid data, an invalid point cuts its strand. */
+    int (*read_fn)(void *user, size_t first, size_t count, sps_strand_point *out);
+    void *user;
+    uint32_t end_canary; /* leave 0 */
+} sps_strands;
+
 /* How a transmittance map stores optical depth along each texel's ray. u runs from 0 at near_depth to 1 at far_depth; n
    stands for `components`. Deep and compressed maps take 3 to 33 times as long to make as SPS_TMAP_DEFAULT.
    docs/shadow_maps.md helps to choose. */
@@ -627,10 +651,13 @@ typedef struct sps_scene {
        other, see all of it; gas without multiple scattering sees its mean. sps_plan calls it, too. */
     int (*sky_fn)(void *user, size_t count, const float *directions, float *out_rgb);
     void *sky_user;
-    /* 1: invalid values of volumes and projectors become 0, and invalid particles are ignored; both are counted. */
+    /* 1: invalid values of volumes and projectors become 0, and invalid particles and points of strands are ignored;
+       all are counted. */
     int replace_invalid;
     const sps_particles *particles;
     int particle_set_count; /* sets of particles, up to 64 that are not empty */
+    const sps_strands *strands; /* for sps_tmap_add; other calls require strand_set_count to be 0 */
+    int strand_set_count;
     uint32_t end_canary;    /* leave 0 */
 } sps_scene;
 
@@ -1086,9 +1113,9 @@ SPS_API int sps_indexed_mesh_read(void *indexed, size_t first, size_t count, sps
 SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *light, const sps_tmap_settings *settings,
                                    sps_tmap **map);
 
-/* Adds the volumes, meshes and particles of a scene; its lights and background are checked but not used. The structs
-   are copied; their callbacks and arrays are borrowed until sps_tmap_finish, which reads them. May be called repeatedly
-   before that. Errors: ARGUMENT (the map is finished; a field of the scene), MEMORY. */
+/* Adds the volumes, meshes, particles and strands of a scene; its lights and background are checked but not used. The
+   structs are copied; their callbacks and arrays are borrowed until sps_tmap_finish, which reads them. May be called
+   repeatedly before that. Errors: ARGUMENT (the map is finished; a field of the scene), MEMORY. */
 SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene);
 
 /* Reads the occluders and makes the map. Each texel's ray collects chords of particles, kernels split by slabs
@@ -1101,7 +1128,7 @@ SPS_API sps_result sps_tmap_finish(sps_tmap *map);
    and FOURIER without texel_range. Both scenes have particles alone; either may be NULL. Removed particles must be as
    they were added. Callbacks are called before this returns. Optical depths drift by about 1e-7 of the largest per
    update. After a failure other than ARGUMENT and UNSUPPORTED, the map can only be destroyed. Errors: ARGUMENT (not
-   finished; a field of a scene), UNSUPPORTED (other techniques; volumes or meshes), and all of sps_tmap_finish's. */
+   finished; a field of a scene), UNSUPPORTED (other techniques; other than particles), and all of sps_tmap_finish's. */
 SPS_API sps_result sps_tmap_update(sps_tmap *map, const sps_scene *removed, const sps_scene *added);
 
 /* Writes optical depth and transmittance between the light and each of `count` world positions (packed triples); either
@@ -1927,9 +1954,10 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
     SPSI_BUFFER_REFERENCE_PARTICLE_NODES,
-    SPSI_BUFFER_SPHERES,      /* in a map's ray space, >>tmaps */
+    SPSI_BUFFER_SPHERES,      /* and strips, in a map's ray space, >>tmaps */
     SPSI_BUFFER_SPHERE_STARTS,
     SPSI_BUFFER_SPHERE_LIST,
+    SPSI_BUFFER_STRANDS,
     SPSI_BUFFER_BAND,
     SPSI_BUFFER_CURSORS,
     SPSI_BUFFER_CURVES, /* scratch per worker */
@@ -2040,7 +2068,7 @@ SPSI_COLD void spsi_describe(sps_error_info *info, sps_object object, int index,
                              const char *rest) {
     static const char *const names[] = {"",     "",      "config",    "scene", "view",  "image",    "volume",
                                         "mesh", "light", "particles", "tmap",  "light", "settings", "settings",
-                                        "export", "out"};
+                                        "export", "out",   "strands"};
     char brackets[24] = "";
     info->object = object;
     info->index = index;
@@ -4351,6 +4379,8 @@ typedef struct spsi_content {
     int particle_count;            /* 0 until read */
     int set_ends[SPSI_SETS_MAX];   /* ends of sets in `particles` */
     float flies[SPSI_MATERIALS_MAX]; /* per material: emission fraction always sent by first flights */
+    const sps_strand_point *strand_points; /* maps only; a last one begins a strand and is not counted */
+    int strand_point_count;
     double particle_radius;        /* geometric mean */
     double particle_spread;        /* RMS distance from their mean position */
     double particle_extinction;    /* mean within particles or of the cloud, whichever is larger */
@@ -4621,6 +4651,13 @@ SPSI_COLD sps_result spsi_check_set(sps_context *context, const sps_particles *s
     return spsi_check_color(&at, "emission", set->emission, SPSI_VALUE_MAX);
 }
 
+SPSI_COLD sps_result spsi_check_strands(sps_context *context, const sps_strands *set, int i) {
+    const spsi_subject at = {context, SPS_OBJECT_STRANDS, i, ""};
+    if (spsi_check_canaries(&at, set->start_canary, set->end_canary)) return context->result;
+    if (set->count == 0 || set->read_fn) return SPS_OK;
+    return spsi_wrong_that(&at, "read_fn", 0, "is NULL; it must be set where count is not 0");
+}
+
 /* Error subject: a light's map settings, or a standalone map's if light < 0. */
 static spsi_subject spsi_settings_of(sps_context *context, int light) {
     const spsi_subject at = {context, light < 0 ? SPS_OBJECT_TMAP_SETTINGS : SPS_OBJECT_LIGHT, light,
@@ -4779,7 +4816,9 @@ SPSI_COLD sps_result spsi_check_scene(sps_context *context, const sps_scene *sce
                                    {"light_count", (double)scene->light_count, 0, scene->lights ? HUGE_VAL : 0,
                                     "it must be 0, or positive with lights set"},
                                    {"particle_set_count", (double)scene->particle_set_count, 0,
-                                    scene->particles ? HUGE_VAL : 0, "it must be 0, or positive with particles set"}};
+                                    scene->particles ? HUGE_VAL : 0, "it must be 0, or positive with particles set"},
+                                   {"strand_set_count", (double)scene->strand_set_count, 0,
+                                    scene->strands ? HUGE_VAL : 0, "it must be 0, or positive with strands set"}};
     if (spsi_check_canaries(&at, scene->start_canary, scene->end_canary) ||
         spsi_check_bounded(&at, counts, sizeof counts / sizeof *counts) ||
         spsi_check_color(&at, "ambient", scene->ambient, SPSI_VALUE_MAX) ||
@@ -4789,6 +4828,7 @@ SPSI_COLD sps_result spsi_check_scene(sps_context *context, const sps_scene *sce
     for (int i = 0; i < scene->mesh_count; ++i) spsi_check_mesh(context, &scene->meshes[i], i);
     for (int i = 0; i < scene->light_count; ++i) spsi_check_light(context, &scene->lights[i], i);
     for (int i = 0; i < scene->particle_set_count; ++i) spsi_check_set(context, &scene->particles[i], i);
+    for (int i = 0; i < scene->strand_set_count; ++i) spsi_check_strands(context, &scene->strands[i], i);
     return context->result;
 }
 
@@ -5620,6 +5660,10 @@ SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *sc
     spsi_content *content = SPSI_RESERVE(context, SPSI_BUFFER_CONTENT, 1, spsi_content);
     if (!frame || !content) return NULL;
     if (spsi_check_scene(context, scene) || (view && spsi_check_view(context, view))) return NULL;
+    if (view && scene->strand_set_count > 0 &&
+        spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_SCENE, -1, "strand_set_count", 0,
+                       "is not 0, but strands cast shadows in transmittance maps only (sps_tmap_add)"))
+        return NULL;
     memset(frame, 0, sizeof *frame);
     frame->given = *scene;
     if (view) frame->view = *view;
@@ -6356,21 +6400,21 @@ SPSI_COLD sps_result spsi_gather(sps_context *context, const spsi_frame *frame) 
 
 #define SPSI_PARTICLE_BATCH 4096 /* per read_fn call */
 
-/* Returns a particle's invalid field, its rule and value; NULL if valid. */
-SPSI_COLD const char *spsi_particle_wrong(const sps_particle *particle, int has_albedos, const char **rule,
-                                          double *value) {
+/* Returns a particle's invalid field, its rule and value; NULL if valid. `albedo` NULL: the set's. */
+SPSI_COLD const char *spsi_particle_wrong(const float position[3], float radius, float optical_depth,
+                                          const float *albedo, const char **rule, double *value) {
     for (int i = 0; i < 3; ++i) {
-        *value = (double)particle->position[i];
+        *value = (double)position[i];
         *rule = "it must be within 1e15";
         if (spsi_bad_coordinate(value, 1)) return "position";
     }
-    *value = (double)particle->radius;
+    *value = (double)radius;
     *rule = "it must be 0..1e15";
     if (!(*value >= 0 && *value <= SPSI_COORDINATE_MAX)) return "radius";
-    *value = (double)particle->optical_depth;
+    *value = (double)optical_depth;
     *rule = "it must be 0..1e18";
-    if (!(*value >= 0 && particle->optical_depth <= SPSI_VALUE_MAX)) return "optical_depth";
-    const float *bad = has_albedos ? spsi_bad_color(particle->albedo, 1) : NULL;
+    if (!(*value >= 0 && optical_depth <= SPSI_VALUE_MAX)) return "optical_depth";
+    const float *bad = albedo ? spsi_bad_color(albedo, 1) : NULL;
     *rule = "red, green and blue must be 0..1";
     if (bad) *value = (double)*bad;
     return bad ? "albedo" : NULL;
@@ -6382,7 +6426,8 @@ SPSI_COLD sps_result spsi_particles_validate(sps_context *context, const spsi_pa
     for (size_t i = 0; i < count; ++i) {
         const char *rule;
         double value;
-        const char *wrong = spsi_particle_wrong(&list[i], set->given.has_albedos, &rule, &value);
+        const char *wrong = spsi_particle_wrong(list[i].position, list[i].radius, list[i].optical_depth,
+                                                set->given.has_albedos ? list[i].albedo : NULL, &rule, &value);
         char field[64];
         if (!wrong) continue;
         if (replace) {
@@ -6533,6 +6578,58 @@ SPSI_COLD sps_result spsi_gather_particles(sps_context *context, const spsi_fram
     spsi_measure_particles(frame);
     spsi_tell_replaced(context, replaced, "particles were invalid and are ignored");
     return SPS_OK;
+}
+
+/* ---- strands ---- */
+
+/* An invalid point fails, or is left out: it and the next one begin strands. */
+SPSI_COLD sps_result spsi_strand_points_check(sps_context *context, int set, size_t first, size_t end, int replace,
+                                              sps_strand_point *list) {
+    for (size_t i = first; i < end; ++i) {
+        const char *rule;
+        double value;
+        const char *wrong = spsi_particle_wrong(list[i].position, list[i].width, list[i].optical_depth, NULL, &rule,
+                                                &value);
+        char field[64];
+        list[i].begins = i == 0 || list[i].begins != 0 || list[i - 1].begins < 0;
+        if (!wrong) continue;
+        list[i].begins = -1;
+        context->stats.values_replaced += replace != 0;
+        SPS_SNPRINTF(field, sizeof field, "point[%.0f].%s", (double)i, *wrong == 'r' ? "width" : wrong);
+        if (!replace) return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_STRANDS, set, field, value, rule);
+    }
+    return SPS_OK;
+}
+
+/* Reads every set's points once. */
+SPSI_COLD sps_result spsi_gather_strands(sps_context *context, const spsi_frame *frame) {
+    const uint64_t replaced = context->stats.values_replaced;
+    const sps_scene *scene = &frame->given;
+    size_t sum = 0;
+    for (int i = 0; i < scene->strand_set_count; ++i) {
+        sum += scene->strands[i].count; /* cannot overflow, as for particles */
+        if (sum > SPSI_PARTICLES_MAX)
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_STRANDS, i, "count, with those before it,",
+                                   (double)sum, "all sets together must have 2^29 at most");
+    }
+    if (sum == 0) return SPS_OK;
+    sps_strand_point *list = SPSI_RESERVE(context, SPSI_BUFFER_STRANDS, sum + 1, sps_strand_point);
+    frame->content->strand_points = list;
+    frame->content->strand_point_count = (int)sum;
+    for (int i = 0; i < scene->strand_set_count && list; list += scene->strands[i++].count)
+        for (size_t first = 0, end; first < scene->strands[i].count; first = end) {
+            const sps_strands *set = &scene->strands[i];
+            end = set->count - first < SPSI_PARTICLE_BATCH ? set->count : first + SPSI_PARTICLE_BATCH;
+            memset(list + first, 0, (end - first) * sizeof *list);
+            if (spsi_progress(context, 0) ||
+                spsi_check_call(context, SPS_OBJECT_STRANDS, i, "read_fn",
+                                set->read_fn(set->user, first, end - first, list + first)) ||
+                spsi_strand_points_check(context, i, first, end, scene->replace_invalid, list))
+                return context->result;
+        }
+    if (list) list->begins = 1;
+    spsi_tell_replaced(context, replaced, "points of strands were invalid and are ignored");
+    return context->result;
 }
 
 /* --- bound on multiple scattering --- */
@@ -14099,8 +14196,8 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
 #define SPSI_NO_SURFACE 1e30f /* u if no surface, far behind far_depth */
 
 typedef struct spsi_added {
-    spsi_buffer lists[3]; /* volumes, meshes, and sets of particles */
-    int counts[3];
+    spsi_buffer lists[4]; /* volumes, meshes, sets of particles, and of strands */
+    int counts[4];
 } spsi_added;
 
 typedef struct spsi_tmap_data {
@@ -14393,11 +14490,25 @@ typedef struct spsi_map_volumes {
     spsi_light_shader shader;
 } spsi_map_volumes;
 
+/* A strand's segment, as a quadrilateral of texels. Members up to `reach` are as in spsi_sphere, for sorting. */
+typedef struct spsi_strip {
+    int x0, y0, x1, y1;
+    float depth, bend;   /* optical depth; ratio of the ends' distances */
+    float t, reach;      /* the ends' t - depth_reference: t - reach, t + reach */
+    double corner[4][2]; /* 0 and 3 at the first end */
+} spsi_strip;
+
+/* Strips follow all spheres. */
+typedef union spsi_caster {
+    spsi_sphere sphere;
+    spsi_strip strip;
+} spsi_caster;
+
 typedef struct spsi_occluders {
     const spsi_frame *frame;
     spsi_faces faces;
-    const spsi_sphere *spheres;                 /* current face's */
-    const uint32_t *tile_starts, *tile_spheres; /* CSR lists per tile; tile_spheres NULL: all */
+    const spsi_caster *casters;                  /* current face's */
+    const uint32_t *tile_starts, *tile_casters; /* CSR lists per tile; tile_casters NULL: all */
     int *boxes;                                 /* triangles' bounds, in texels */
     spsi_map_volumes *volumes;                  /* NULL: none */
     int coarse;                                 /* 1: texels may be wider than classified voxels */
@@ -14713,6 +14824,119 @@ static void spsi_insert_triangles(const spsi_map_tile *into) {
     }
 }
 
+/* --- strands --- */
+
+/* Unit vector across a segment and a ray. Returns the length that the ray sees. */
+static double spsi_strand_across(const sps_strand_point *ends, const double ray[3], double across[3]) {
+    double along[3];
+    for (int i = 0; i < 3; ++i) along[i] = (double)ends[1].position[i] - (double)ends[0].position[i];
+    spsi_cross(along, ray, across);
+    const double length = spsi_length(across);
+    for (int i = 0; i < 3; ++i) across[i] = length > 0 ? across[i] / length : 0;
+    return length / spsi_length(ray);
+}
+
+/* Sets the corners at an end of a segment. at: texel and t, offset from the rays' origin, half width. Neighbours share
+   corners (a mitre) unless the turn is sharp. The area is width times length in any case. */
+static void spsi_strip_corners(const spsi_rays *rays, const sps_strand_point *own, int end, const double at[7],
+                               spsi_strip *strip) {
+    const double *ray = rays->perspective ? at + 3 : rays->c;
+    double across[3], other[3], half = at[6], length = spsi_strand_across(own, ray, across);
+    if (!own[end ? 2 : 0].begins) {
+        length = spsi_dmin(length, spsi_strand_across(end ? own + 1 : own - 1, ray, other));
+        const double turn = spsi_dot(across, other); /* below: half * tan of half the turn is at most half a segment */
+        const int mitred = turn > 0 && 4 * half * half * (1 - turn) <= length * length * (1 + turn);
+        for (int k = 0; k < 3 && mitred; ++k) across[k] = (across[k] + other[k]) / (1 + turn);
+    }
+    for (int k = 0; k < 2; ++k) {
+        double edge = half * spsi_dot(rays->inverse[k], across);
+        if (rays->perspective) edge = (edge - half * at[k] * spsi_dot(rays->inverse[2], across)) / at[2];
+        strip->corner[end][k] = at[k] + edge;
+        strip->corner[3 - end][k] = at[k] - edge;
+    }
+}
+
+/* Segments around a light are cut at 1e-4 of the farther end's depth. */
+static void spsi_strip_build(const spsi_rays *rays, const sps_strand_point *own, spsi_strip *strip) {
+    double at[2][7], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
+    memset(strip, 0, sizeof *strip);
+    strip->x1 = -1;
+    if (own[1].begins || !(own[0].width + own[1].width > 0)) return;
+    for (int k = 0; k < 2; ++k) {
+        for (int n = 0; n < 3; ++n) at[k][n + 3] = (double)own[k].position[n] - rays->origin[n];
+        at[k][2] = spsi_dot(rays->inverse[2], at[k] + 3);
+        at[k][6] = 0.5 * (double)own[k].width;
+    }
+    const double least = rays->perspective ? 1e-4 * spsi_dmax(at[0][2], at[1][2]) : -HUGE_VAL;
+    if (rays->perspective && !(least > 0)) return;
+    for (int k = 0; k < 2; ++k) {
+        const double part = at[k][2] < least ? (least - at[k][2]) / (at[1 - k][2] - at[k][2]) : 0;
+        for (int n = 3; n < 7; ++n) at[k][n] += part * (at[1 - k][n] - at[k][n]);
+        spsi_to_rays(rays, at[k] + 3, at[k]);
+        for (int n = 0; n < 2 && rays->perspective; ++n) at[k][n] /= at[k][2];
+        spsi_strip_corners(rays, own, k, at[k], strip);
+    }
+    for (int k = 0; k < 8; ++k) {
+        low[k % 2] = spsi_dmin(low[k % 2], floor(strip->corner[k / 2][k % 2] + 0.5));
+        high[k % 2] = spsi_dmax(high[k % 2], floor(strip->corner[k / 2][k % 2] + 0.5));
+    }
+    strip->x0 = (int)spsi_dmin(spsi_dmax(low[0], 0), rays->width);
+    strip->y0 = (int)spsi_dmin(spsi_dmax(low[1], 0), rays->height);
+    strip->x1 = (int)spsi_dmax(spsi_dmin(high[0], rays->width - 1), -1);
+    strip->y1 = (int)spsi_dmax(spsi_dmin(high[1], rays->height - 1), -1);
+    strip->depth = spsi_fmin(0.5f * own[0].optical_depth + 0.5f * own[1].optical_depth, SPSI_DEPTH_MAX);
+    strip->bend = rays->perspective ? (float)(at[0][2] / at[1][2]) : 1;
+    strip->t = (float)(0.5 * (at[0][2] + at[1][2]) - rays->depth_reference);
+    strip->reach = (float)(0.5 * (at[1][2] - at[0][2]));
+}
+
+/* Mean, over an edge from a to b in a row, of the part of each texel about x on the edge's left. */
+static spsi_v spsi_left_of(float a, float b, spsi_v x) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f), side = spsi_sub(x, half);
+    const spsi_v from = spsi_sub(spsi_set(a), side), to = spsi_sub(spsi_set(b), side), way = spsi_sub(to, from);
+    const spsi_v low = spsi_clamp(from, zero, one), high = spsi_clamp(to, zero, one), mean = spsi_add(low, high);
+    const spsi_v beyond = spsi_sub(spsi_max(to, one), spsi_max(from, one));
+    const spsi_v sum = spsi_fma(spsi_mul(half, mean), spsi_sub(high, low), beyond);
+    const spsi_m steep = spsi_less(spsi_abs(way), spsi_set(1e-3f));
+    return spsi_select(steep, spsi_mul(half, mean), spsi_div(sum, spsi_select(steep, one, way)));
+}
+
+/* Inserts a row of texels, each at the depth of the nearest point on the strip's middle line. The area that it covers
+   is the sum over its edges of the area on their left. */
+static void spsi_insert_strip_row(const spsi_map_tile *into, const spsi_strip *strip, int y) {
+    const double *a = strip->corner[0], *b = strip->corner[1], *c = strip->corner[2], *d = strip->corner[3];
+    const double way[2] = {b[0] + c[0] - a[0] - d[0], b[1] + c[1] - a[1] - d[1]};
+    const double per = 2 / spsi_dmax(way[0] * way[0] + way[1] * way[1], DBL_MIN);
+    const double start = per * ((into->x0 - 0.5 * (a[0] + d[0])) * way[0] + (y - 0.5 * (a[1] + d[1])) * way[1]);
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), per_t = spsi_set((float)into->filling->map->grid.per_depth);
+    float from[4], to[4], down[4], first = FLT_MAX, last = -FLT_MAX;
+    for (int k = 0; k < 4; ++k) {
+        const double *p = strip->corner[k], *q = strip->corner[(k + 1) % 4], rise = q[1] - p[1];
+        const double begin = spsi_dmin(spsi_dmax(p[1], y - 0.5), y + 0.5);
+        const double end = spsi_dmin(spsi_dmax(q[1], y - 0.5), y + 0.5);
+        const double slope = fabs(rise) > 0 ? (q[0] - p[0]) / rise : 0;
+        from[k] = (float)(p[0] + (begin - p[1]) * slope - into->x0);
+        to[k] = (float)(p[0] + (end - p[1]) * slope - into->x0);
+        down[k] = (float)(end - begin);
+        if (!(fabs(end - begin) > 0)) continue;
+        first = spsi_fmin(first, spsi_fmin(from[k], to[k])), last = spsi_fmax(last, spsi_fmax(from[k], to[k]));
+    }
+    const int x1 = (int)spsi_dmax(spsi_dmin(floor((double)last + 0.5), into->width - 1), -1);
+    for (int x = (int)spsi_dmin(spsi_dmax(floor((double)first + 0.5), 0), into->width); x <= x1; x += SPSI_LANES) {
+        const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
+        spsi_v sum = zero, s = spsi_fma(at, spsi_set((float)(per * way[0])), spsi_set((float)start));
+        s = spsi_clamp(s, zero, one);
+        for (int k = 0; k < 4; ++k) sum = spsi_fma(spsi_set(down[k]), spsi_left_of(from[k], to[k], at), sum);
+        s = spsi_div(spsi_mul(s, spsi_set(strip->bend)), spsi_fma(s, spsi_set(strip->bend - 1), one));
+        s = spsi_mul(spsi_fma(spsi_set(2 * strip->reach), s, spsi_set(strip->t - strip->reach)), per_t);
+        sum = spsi_select(spsi_less(at, spsi_set((float)x1 + 0.5f)), spsi_abs(sum), zero);
+        spsi_intervals sheet = {s, s, spsi_mul(sum, spsi_set(strip->depth)), 0};
+        if (into->filling->map->has_fronts) spsi_insert_chords_before(into, into->x0 + x, y, &sheet);
+        sheet.u0 = sheet.u1 = spsi_clamp(s, zero, one);
+        if (spsi_bits(spsi_less(zero, sheet.depth))) spsi_insert(into, into->x0 + x, y, &sheet);
+    }
+}
+
 static void spsi_map_tile_clear(const spsi_map_tile *into) {
     const spsi_visit visit = into->filling->visit;
     if (visit == SPSI_VISIT_RANGE)
@@ -14736,18 +14960,22 @@ static void spsi_fill_task(void *data, int index) {
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
     spsi_map_tile_clear(&into);
-    const uint32_t *own = occluders->tile_spheres ? occluders->tile_spheres + occluders->tile_starts[tile] : NULL;
+    const uint32_t *own = occluders->tile_casters ? occluders->tile_casters + occluders->tile_starts[tile] : NULL;
+    const uint32_t particles = (uint32_t)occluders->frame->content->particle_count;
     const uint32_t count = own ? occluders->tile_starts[tile + 1] - occluders->tile_starts[tile]
-                               : (uint32_t)occluders->frame->content->particle_count;
+                               : particles + (uint32_t)occluders->frame->content->strand_point_count;
     int removes = filling->removed > 0; /* removed particles come first */
     for (uint32_t i = 0; i < count; ++i) {
-        const spsi_sphere *sphere = &occluders->spheres[own ? own[i] : i];
+        const spsi_caster *caster = &occluders->casters[own ? own[i] : i];
+        const spsi_sphere *sphere = &caster->sphere;
         if (own && i + SPSI_SPHERES_AHEAD < count)
-            spsi_prefetch(&occluders->spheres[own[i + SPSI_SPHERES_AHEAD]], sizeof *sphere);
+            spsi_prefetch(&occluders->casters[own[i + SPSI_SPHERES_AHEAD]], sizeof *caster);
         if (removes && (own ? own[i] : i) >= filling->removed) spsi_map_tile_negate(&into), removes = 0;
         const int x0 = spsi_imax(sphere->x0, into.x0), x1 = spsi_imin(sphere->x1, into.x0 + into.width - 1);
         const int y0 = spsi_imax(sphere->y0, into.y0), y1 = spsi_imin(sphere->y1, into.y0 + into.height - 1);
-        for (int y = y0; y <= y1; ++y)
+        const int is_strip = (own ? own[i] : i) >= particles;
+        for (int y = y0; y <= y1 && is_strip && x0 <= x1; ++y) spsi_insert_strip_row(&into, &caster->strip, y);
+        for (int y = y0; y <= y1 && !is_strip; ++y)
             for (int x = x0; x <= x1; x += SPSI_LANES) spsi_insert_chords(&into, sphere, x, y, x1);
         if (i % SPSI_BATCH == SPSI_BATCH - 1) spsi_task_tick(filling->context);
     }
@@ -15090,15 +15318,20 @@ typedef struct spsi_sphere_job {
     const spsi_rays *rays;
     const spsi_rays *faces; /* all cube faces, for equal particle mass on each; NULL: one face */
     const spsi_frame *frame;
-    spsi_sphere *spheres;
+    spsi_caster *casters;
 } spsi_sphere_job;
 
 static void spsi_spheres_task(void *data, int i) {
     const spsi_sphere_job *job = (const spsi_sphere_job *)data;
-    const spsi_particle *particle = &job->frame->content->particles[i];
+    const spsi_content *content = job->frame->content;
+    if (i >= content->particle_count) {
+        spsi_strip_build(job->rays, &content->strand_points[i - content->particle_count], &job->casters[i].strip);
+        return;
+    }
+    const spsi_particle *particle = &content->particles[i];
     const spsi_particle_set *set = spsi_set_of(job->frame, i);
-    spsi_sphere_build(job->rays, set, particle, &job->spheres[i]);
-    spsi_sphere_weigh(job->rays, job->faces, SPSI_SPHERE_COARSE_LIGHT, set, particle, &job->spheres[i]);
+    spsi_sphere_build(job->rays, set, particle, &job->casters[i].sphere);
+    spsi_sphere_weigh(job->rays, job->faces, SPSI_SPHERE_COARSE_LIGHT, set, particle, &job->casters[i].sphere);
 }
 
 #define SPSI_OUTSIDE 1e-3 /* negligible fraction of the depth range */
@@ -15113,20 +15346,20 @@ static int spsi_sphere_step(const sps_tmap *map, const spsi_sphere *sphere) {
     return (int)(spsi_dmin(spsi_dmax(front, 0), 1) * (SPSI_DEPTH_STEPS - 1));
 }
 
-/* Sorts spheres' indices roughly front to back, so that texels' lists are nearly sorted. */
-SPSI_COLD void spsi_spheres_order(const sps_tmap *map, const spsi_sphere *spheres, size_t count, uint32_t *order) {
+/* Sorts indices roughly front to back, so that texels' lists are nearly sorted. */
+SPSI_COLD void spsi_spheres_order(const sps_tmap *map, const spsi_caster *casters, size_t count, uint32_t *order) {
     uint32_t starts[SPSI_DEPTH_STEPS + 1] = {0};
-    for (size_t i = 0; i < count; ++i) starts[spsi_sphere_step(map, &spheres[i]) + 1] += 1;
+    for (size_t i = 0; i < count; ++i) starts[spsi_sphere_step(map, &casters[i].sphere) + 1] += 1;
     spsi_running_sums(starts, SPSI_DEPTH_STEPS);
-    for (size_t i = 0; i < count; ++i) order[starts[spsi_sphere_step(map, &spheres[i])]++] = (uint32_t)i;
+    for (size_t i = 0; i < count; ++i) order[starts[spsi_sphere_step(map, &casters[i].sphere)]++] = (uint32_t)i;
 }
 
-/* Counts spheres per tile; with `list`, stores them and advances `starts`. `order` NULL: index order. */
-SPSI_COLD void spsi_spheres_into_tiles(const spsi_sphere *spheres, const uint32_t *order, size_t count, int tiles_x,
-                                       uint32_t *starts, uint32_t *list) {
+/* Counts spheres and strips per tile; with `list`, stores them and advances `starts`. `order` NULL: index order. */
+SPSI_COLD void spsi_spheres_into_tiles(const spsi_caster *casters, const uint32_t *order, size_t count, int tiles_x,
+                                      uint32_t *starts, uint32_t *list) {
     for (size_t n = 0; n < count; ++n) {
         const size_t i = order ? order[n] : n;
-        const spsi_sphere *sphere = &spheres[i];
+        const spsi_sphere *sphere = &casters[i].sphere;
         if (sphere->x1 < sphere->x0 || sphere->y1 < sphere->y0) continue;
         for (int y = sphere->y0 / SPSI_TILE_HEIGHT; y <= sphere->y1 / SPSI_TILE_HEIGHT; ++y)
             for (int x = sphere->x0 / SPSI_TILE_WIDTH; x <= sphere->x1 / SPSI_TILE_WIDTH; ++x) {
@@ -15138,10 +15371,10 @@ SPSI_COLD void spsi_spheres_into_tiles(const spsi_sphere *spheres, const uint32_
 }
 
 /* Counts spheres beyond far_depth; on a cube, only on their centre's face. */
-SPSI_COLD void spsi_spheres_outside(sps_tmap *map, const spsi_rays *rays, const spsi_sphere *spheres, size_t count) {
+SPSI_COLD void spsi_spheres_outside(sps_tmap *map, const spsi_rays *rays, const spsi_caster *casters, size_t count) {
     const double per_length = rays->per_length;
     for (size_t i = 0; i < count; ++i) {
-        const spsi_sphere *sphere = &spheres[i];
+        const spsi_sphere *sphere = &casters[i].sphere;
         const double radius = sphere->near_by ? (double)sphere->world_radius * per_length : (double)sphere->radius;
         double offset[3];
         if (sphere->x1 < sphere->x0 || sphere->y1 < sphere->y0) continue;
@@ -15156,29 +15389,30 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     sps_context *context = map->context;
     const int tiles_x = spsi_tile_columns(rays);
     const size_t tiles = (size_t)tiles_x * (size_t)spsi_tile_rows(rays);
-    const size_t count = (size_t)occluders->frame->content->particle_count;
+    const size_t particles = (size_t)occluders->frame->content->particle_count;
+    const size_t count = particles + (size_t)occluders->frame->content->strand_point_count; /* at most 2^30 */
     spsi_sphere_job job = {rays, map->grid.face_count > 1 ? map->grid.rays : NULL, occluders->frame, NULL};
     if (count == 0) return SPS_OK;
-    job.spheres = SPSI_RESERVE(context, SPSI_BUFFER_SPHERES, count, spsi_sphere);
+    job.casters = SPSI_RESERVE(context, SPSI_BUFFER_SPHERES, count, spsi_caster);
     uint32_t *starts = SPSI_RESERVE(context, SPSI_BUFFER_SPHERE_STARTS, tiles + 1, uint32_t);
-    if (!job.spheres || !starts) return context->result;
-    spsi_parallel_batches(context, occluders->frame->content->particle_count, spsi_spheres_task, &job);
-    spsi_spheres_outside(map, rays, job.spheres, count);
+    if (!job.casters || !starts) return context->result;
+    spsi_parallel_batches(context, (int)count, spsi_spheres_task, &job);
+    spsi_spheres_outside(map, rays, job.casters, particles);
     memset(starts, 0, (tiles + 1) * sizeof *starts);
-    spsi_spheres_into_tiles(job.spheres, NULL, count, tiles_x, starts + 1, NULL);
+    spsi_spheres_into_tiles(job.casters, NULL, count, tiles_x, starts + 1, NULL);
     const uint64_t sum = spsi_running_sums(starts, tiles + 1);
-    occluders->spheres = job.spheres;
-    occluders->tile_spheres = NULL;
+    occluders->casters = job.casters;
+    occluders->tile_casters = NULL;
     if (sum > SPSI_SPHERE_TILES * (uint64_t)(count + tiles) || sum > UINT32_MAX) return SPS_OK;
     const size_t ordered = map->technique->lists ? count : 0;
     uint32_t *list = SPSI_RESERVE(context, SPSI_BUFFER_SPHERE_LIST, (size_t)sum + ordered, uint32_t);
     if (!list) return context->result;
-    if (ordered > 0) spsi_spheres_order(map, job.spheres, count, list + sum);
-    spsi_spheres_into_tiles(job.spheres, ordered > 0 ? list + sum : NULL, count, tiles_x, starts, list);
+    if (ordered > 0) spsi_spheres_order(map, job.casters, count, list + sum);
+    spsi_spheres_into_tiles(job.casters, ordered > 0 ? list + sum : NULL, count, tiles_x, starts, list);
     memmove(starts + 1, starts, tiles * sizeof *starts); /* each start was advanced to the next */
     starts[0] = 0;
     occluders->tile_starts = starts;
-    occluders->tile_spheres = list;
+    occluders->tile_casters = list;
     return SPS_OK;
 }
 
@@ -15340,14 +15574,15 @@ SPSI_COLD sps_result spsi_tmap_trim(sps_tmap *map) {
     return SPS_OK;
 }
 
-/* 1: translucent polygons or gas may lie before near_depth. */
+/* 1: translucent polygons, strands or gas may lie before near_depth. */
 SPSI_COLD int spsi_tmap_needs_fronts(const sps_tmap *map, const spsi_occluders *occluders) {
     double depths[2];
     if (map->table || !spsi_tmap_may_have_fronts(map)) return 0;
     for (int i = 0; i < occluders->faces.count; ++i)
         if (spsi_face_is_translucent(&occluders->faces.list[i])) return 1;
     spsi_light_grid_depths(&map->grid, &occluders->bounds, depths);
-    return map->grid.face_count > 1 || depths[0] < map->grid.near_depth;
+    return map->grid.face_count > 1 || depths[0] < map->grid.near_depth ||
+           occluders->frame->content->strand_point_count > 0;
 }
 
 /* Frees fronts that are 0 everywhere. */
@@ -15511,30 +15746,31 @@ SPSI_COLD sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light,
 
 /* Adds everything or nothing, so that failed calls can be repeated. */
 SPSI_COLD sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
-    const void *more[3] = {scene->volumes, scene->meshes, scene->particles};
-    const size_t count[3] = {(size_t)scene->volume_count, (size_t)scene->mesh_count, (size_t)scene->particle_set_count};
-    static const size_t sizes[3] = {sizeof(sps_volume), sizeof(sps_mesh), sizeof(sps_particles)};
+    const void *more[4] = {scene->volumes, scene->meshes, scene->particles, scene->strands};
+    const int count[4] = {scene->volume_count, scene->mesh_count, scene->particle_set_count, scene->strand_set_count};
+    static const size_t sizes[4] = {sizeof(sps_volume), sizeof(sps_mesh), sizeof(sps_particles), sizeof(sps_strands)};
     spsi_added *added = &map->added;
     if (spsi_check_scene(map->context, scene)) return map->context->result;
-    for (int k = 0; k < 3; ++k) {
-        const size_t kept = (size_t)added->counts[k], all = kept + count[k];
+    for (int k = 0; k < 4; ++k) {
+        const size_t kept = (size_t)added->counts[k], all = kept + (size_t)count[k];
         if (all > INT32_MAX)
             return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "number of structs",
                                    (double)all, "2^31 - 1 of a kind can be added");
         if (count[k] > 0 && !spsi_buffer_extend(map->context, &added->lists[k], kept, all, sizes[k]))
             return map->context->result;
     }
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 4; ++k) {
         if (count[k] == 0) continue;
-        memcpy((char *)added->lists[k].data + (size_t)added->counts[k] * sizes[k], more[k], count[k] * sizes[k]);
-        added->counts[k] += (int)count[k];
+        memcpy((char *)added->lists[k].data + (size_t)added->counts[k] * sizes[k], more[k],
+               (size_t)count[k] * sizes[k]);
+        added->counts[k] += count[k];
     }
     map->replace_invalid |= scene->replace_invalid;
     return SPS_OK;
 }
 
 SPSI_COLD void spsi_tmap_forget(sps_tmap *map) {
-    for (int k = 0; k < 3; ++k) spsi_buffer_release(map->context, &map->added.lists[k]);
+    for (int k = 0; k < 4; ++k) spsi_buffer_release(map->context, &map->added.lists[k]);
     memset(map->added.counts, 0, sizeof map->added.counts);
 }
 
@@ -15548,6 +15784,8 @@ SPSI_COLD spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     scene.mesh_count = map->added.counts[1];
     scene.particles = (const sps_particles *)map->added.lists[2].data;
     scene.particle_set_count = map->added.counts[2];
+    scene.strands = (const sps_strands *)map->added.lists[3].data;
+    scene.strand_set_count = map->added.counts[3];
     scene.replace_invalid = map->replace_invalid;
     spsi_frame *frame = spsi_frame_build(map->context, &scene, NULL, 0);
     if (!frame) return NULL;
@@ -15592,7 +15830,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
     if (spsi_gather_particles(context, frame)) return context->result;
     occluders.bounds = frame->content->bounds;
     if (spsi_gather(context, frame) || spsi_pyramids_place(context, frame) ||
-        spsi_gather_faces(context, frame, &occluders.faces))
+        spsi_gather_faces(context, frame, &occluders.faces) || spsi_gather_strands(context, frame))
         return context->result;
     occluders.frame = frame;
     occluders.part.progress = SPSI_PROGRESS_GATHER;
@@ -15605,10 +15843,11 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
 
 /* Fails unless a scene to be removed or added (NULL: none) has particles alone. */
 SPSI_COLD sps_result spsi_check_update(const sps_tmap *map, const sps_scene *scene) {
-    const int others = scene ? scene->volume_count > 0 || scene->mesh_count > 0 : 0;
+    const int others = scene ? scene->volume_count > 0 || scene->mesh_count > 0 || scene->strand_set_count > 0 : 0;
     if (!scene || spsi_check_scene(map->context, scene) || !others) return map->context->result;
     return spsi_fail_that(map->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_SCENE, -1,
-                          scene->volume_count > 0 ? "volume_count" : "mesh_count", 0,
+                          scene->volume_count > 0 ? "volume_count"
+                          : scene->mesh_count > 0 ? "mesh_count" : "strand_set_count", 0,
                           "is not 0, but only particles can be removed and added");
 }
 
@@ -16053,7 +16292,7 @@ static void spsi_table_bytes(const spsi_frame *frame, const spsi_light *light, c
     *held = 2 * sizeof(spsi_shadow_table) + texels * planes * sizeof(uint32_t); /* also the cached table */
     *filling = sizeof(spsi_map_volumes) + spsi_band_floats(&map, spsi_fill_floats(&map)) * sizeof(float);
     *filling += (size_t)frame->content->particle_count *
-                (sizeof(spsi_sphere) + (SPSI_SPHERE_TILES + lists) * sizeof(uint32_t));
+                (sizeof(spsi_caster) + (SPSI_SPHERE_TILES + lists) * sizeof(uint32_t));
     *filling += (tiles * (1 + SPSI_SPHERE_TILES) + 2) * sizeof(uint32_t);
 }
 

@@ -28,6 +28,8 @@ typedef struct everything {
     sps_surface look, other_look;
     sps_particles set, other_set;
     sps_particle particle[4], other_particle[4];
+    sps_strands strands, other_strands;
+    sps_strand_point strand[4], other_strand[4];
     sps_light light[3], other_light[3];
     sps_projector projector, other_projector;
     sps_tmap_settings shadow_map, other_shadow_map;
@@ -188,6 +190,22 @@ static inline void build_particles(void) {
     it.other_set = it.set, it.other_set.albedo[0] = 0.8f;
 }
 
+static inline int read_strand(void *user, size_t first, size_t count, sps_strand_point *out) {
+    memcpy(out, (const sps_strand_point *)user + first, count * sizeof *out);
+    return 0;
+}
+
+static inline void build_strands(void) {
+    for (int i = 0; i < 4; ++i) {
+        sps_strand_point *p = &it.strand[i];
+        p->position[0] = -0.6f + 0.4f * (float)i, p->position[1] = 0.3f * (float)(i % 2), p->position[2] = 0.4f;
+        p->width = 0.2f, p->optical_depth = 0.5f;
+        it.other_strand[i] = *p, it.other_strand[i].width = 0.3f;
+    }
+    it.strands.count = 4, it.strands.read_fn = read_strand, it.strands.user = it.strand;
+    it.other_strands = it.strands, it.other_strands.user = it.other_strand;
+}
+
 static inline void build_lights(void) {
     sps_light *sun = &it.light[0], *spot = &it.light[1], *disc = &it.light[2];
     sun->kind = SPS_LIGHT_DIRECTIONAL, check_set3(sun->direction, 0.4, -0.5, -1);
@@ -221,7 +239,7 @@ static inline void build_maps(void) {
 static inline void build(void) {
     sps_camera *camera = &it.view.camera;
     memset(&it, 0, sizeof it), it.unit = 1;
-    build_volumes(), build_meshes(), build_particles(), build_lights(), build_maps();
+    build_volumes(), build_meshes(), build_particles(), build_strands(), build_lights(), build_maps();
     it.mesh[0].read_fn = read_triangles;
     memcpy(it.other_mesh, it.mesh, sizeof it.mesh), it.other_mesh[0].albedo[1] = 0.2f,
                                                     it.other_mesh[1].albedo[1] = 0.3f;
@@ -264,6 +282,7 @@ typedef enum base {
     COLORED,      /* corners of the first mesh */
     DYED,         /* particles */
     LONG_INDICES, /* and a second mesh that is shaded by shade_fn */
+    STRANDS,      /* maps */
     BASES
 } base;
 
@@ -330,6 +349,8 @@ static inline void build_base(base b) {
     } else if (b == LONG_INDICES) {
         it.indexed.indices_u16 = NULL, it.indexed.indices_u32 = it.long_indices;
         it.mesh[1].shade_fn = shade, it.mesh[1].shade_user = &it.look;
+    } else if (b == STRANDS) {
+        it.scene.strands = &it.strands, it.scene.strand_set_count = 1;
     }
 }
 
@@ -393,11 +414,13 @@ static inline void make_map(sps_context *context, outcome *out) {
 
 static inline void make_picture(sps_context *context, const way *w, outcome *out) {
     static float rgba[4 * 2000], depth[2000];
+    sps_scene scene = it.scene;
     size_t count;
+    scene.strand_set_count = 0; /* only maps take them */
     it.image.rgba = rgba, it.image.depth = depth;
     memset(rgba, 0, sizeof rgba), memset(depth, 0, sizeof depth);
-    out->result = w->by == REFERENCE ? sps_reference(context, &it.scene, &it.view, &it.reference, &it.image)
-                                     : sps_render(context, &it.scene, &it.view, &it.image);
+    out->result = w->by == REFERENCE ? sps_reference(context, &scene, &it.view, &it.reference, &it.image)
+                                     : sps_render(context, &scene, &it.view, &it.image);
     count = (size_t)it.view.width * (size_t)it.view.height * (it.image.row_pixels ? 2 : 1);
     append(out, rgba, 4 * count), append(out, depth, count);
 }

@@ -141,6 +141,12 @@ static const row rows[] = {
     F(sps_particle, radius, particle[1], 0.4, PLAIN, NOTHING),
     F(sps_particle, optical_depth, particle[1], 2, PLAIN, NOTHING),
     F(sps_particle, albedo, particle[1], 0.6, DYED, NOTHING),
+    F(sps_strand_point, position, strand[1], 0.2, STRANDS, NOTHING),
+    F(sps_strand_point, width, strand[1], 0.3, STRANDS, NOTHING),
+    F(sps_strand_point, optical_depth, strand[1], 0.7, STRANDS, NOTHING),
+    I(sps_strand_point, begins, strand[2], 1, STRANDS, NOTHING),
+    Z(sps_strands, count, strands, 3, STRANDS, NOTHING),
+    P(sps_strands, user, strands, it.other_strand, STRANDS, NOTHING),
     Z(sps_particles, count, set, 4, PLAIN, NOTHING),
     P(sps_particles, user, set, it.other_particle, PLAIN, NOTHING),
     I(sps_particles, soft, set, 0, PLAIN, NOTHING),
@@ -224,6 +230,8 @@ static const row rows[] = {
     P(sps_scene, sky_user, scene, &it.other_backdrop, SKY, NOTHING),
     I(sps_scene, replace_invalid, scene, 0, INVALID, NOTHING),
     P(sps_scene, particles, scene, &it.other_set, PLAIN, NOTHING),
+    P(sps_scene, strands, scene, &it.other_strands, STRANDS, NOTHING),
+    I(sps_scene, strand_set_count, scene, 0, STRANDS, NOTHING),
     I(sps_scene, particle_set_count, scene, 0, PLAIN, NOTHING),
     CAMERA(view.camera),
     CAMERA(map_light.camera),
@@ -286,6 +294,7 @@ static const struct {
     {"sps_mesh", "read_fn", "callback"},
     {"sps_mesh", "shade_fn", "callback"},
     {"sps_particles", "read_fn", "callback"},
+    {"sps_strands", "read_fn", "callback"},
     {"sps_projector", "sample_fn", "callback"},
     {"sps_scene", "background_fn", "callback"},
     {"sps_scene", "sky_fn", "callback"},
@@ -390,7 +399,7 @@ static void test_list(void) {
         at = end, ++structs;
     }
     free(text);
-    CHECK(structs == 34 && fields > 200);
+    CHECK(structs == 36 && fields > 200);
     for (int i = 0; i < ROWS + LEFT_OUT; ++i)
         if (!CHECK(used[i]))
             printf("    %s.%s is not in the header\n", i < ROWS ? rows[i].type : left_out[i - ROWS].type,

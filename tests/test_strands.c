@@ -71,6 +71,20 @@ static double total(const sps_tmap *map) {
     return sum;
 }
 
+static void tangle(strands *s, int count, uint64_t seed) {
+    check_random random = {seed};
+    for (int i = 0; i < count; ++i) {
+        double at[3];
+        for (int k = 0; k < 3; ++k) at[k] = 60 * check_next(&random) - 30;
+        const double width = 0.05 + 0.4 * check_next(&random);
+        for (int k = 0; k < 2; ++k) {
+            s->points[s->set.count].begins = k == 0;
+            add(s, at[0] + k * (8 * check_next(&random) - 4), at[1] + k * (8 * check_next(&random) - 4),
+                0.3 * at[2] + k, width, 0.04);
+        }
+    }
+}
+
 /* ----------------------------------------------------------------------------------------------------------- totals */
 
 /* Two segments with a bend, at all widths, angles and places within a texel, in every technique. */
@@ -249,6 +263,52 @@ static void test_perspective(void) {
     sps_destroy(context);
 }
 
+/* Along x, 15 aside at a distance of 10: seen at an angle, a ribbon that faces the light is wider by sqrt(1 + 1.5^2).
+ */
+static void test_aside(void) {
+    static strands s;
+    sps_context *context = sps_create(NULL, NULL);
+    begin(&s, SPS_TMAP_DEEP);
+    s.light.camera.ortho_height = 0, s.light.camera.field_of_view = 2 * atan(3.2);
+    add(&s, -8, 15, 0, 1.3, 0.3), add(&s, 9, 15, 0, 1.3, 0.3);
+    sps_tmap *map = must_build(&s, context);
+    CHECK_NEAR(total(map) / (0.3 * 17 * 1.3 * sqrt(3.25)), 1, TOTAL);
+    sps_tmap_destroy(map);
+    sps_destroy(context);
+}
+
+/* Balls before, between and after strands: optical depths add. */
+static int read_balls(void *user, size_t first, size_t count, sps_particle *out) {
+    (void)user, (void)first;
+    for (size_t i = 0; i < count; ++i) {
+        out[i].position[0] = 4 * (float)i - 6, out[i].position[2] = (float)i - 1;
+        out[i].radius = 5, out[i].optical_depth = 0.3f;
+    }
+    return 0;
+}
+
+static void test_beside_particles(void) {
+    static strands s;
+    const sps_particles balls = {.count = 3, .read_fn = read_balls};
+    sps_context *context = sps_create(NULL, NULL);
+    for (int technique = SPS_TMAP_DEEP; technique <= SPS_TMAP_OPACITY; ++technique) {
+        sps_tmap *maps[3];
+        for (int k = 0; k < 3; ++k) {
+            begin(&s, technique);
+            s.scene.particles = &balls, s.scene.particle_set_count = k != 1;
+            if (k > 0) tangle(&s, 300, 9);
+            maps[k] = must_build(&s, context);
+        }
+        for (int i = 0; i < 40; ++i) {
+            const double x = 0.7 * i - 14.1, z = 0.5 * i - 10;
+            const double sum = query(maps[0], x, 0.3, z) + query(maps[1], x, 0.3, z);
+            CHECK_NEAR(query(maps[2], x, 0.3, z), sum, 2e-5);
+        }
+        for (int k = 0; k < 3; ++k) sps_tmap_destroy(maps[k]);
+    }
+    sps_destroy(context);
+}
+
 /* Before near_depth it counts in full: apart, and for lists at u = 0. Behind far_depth it counts there. */
 static void test_fronts(void) {
     static strands s;
@@ -273,20 +333,6 @@ static void test_fronts(void) {
 
 /* ------------------------------------------------------------------------------------------------- many, and workers
  */
-
-static void tangle(strands *s, int count, uint64_t seed) {
-    check_random random = {seed};
-    for (int i = 0; i < count; ++i) {
-        double at[3];
-        for (int k = 0; k < 3; ++k) at[k] = 60 * check_next(&random) - 30;
-        const double width = 0.05 + 0.4 * check_next(&random);
-        for (int k = 0; k < 2; ++k) {
-            s->points[s->set.count].begins = k == 0;
-            add(s, at[0] + k * (8 * check_next(&random) - 4), at[1] + k * (8 * check_next(&random) - 4),
-                0.3 * at[2] + k, width, 0.04);
-        }
-    }
-}
 
 /* 10^4 strands against a count of those that each of 2000 rays meets. The rays' mean is the map's, whose texels blur
    it: a ray meets some 7 strands, so a mean of 2000 counts is off by 1 / sqrt(7 * 2000), .9 %; 4 times that. */
@@ -532,6 +578,8 @@ int main(void) {
     RUN(test_bends);
     RUN(test_depths);
     RUN(test_perspective);
+    RUN(test_aside);
+    RUN(test_beside_particles);
     RUN(test_fronts);
     RUN(test_many);
     RUN(test_workers);

@@ -304,6 +304,8 @@ static void test_beside_particles(void) {
             const double sum = query(maps[0], x, 0.3, z) + query(maps[1], x, 0.3, z);
             CHECK_NEAR(query(maps[2], x, 0.3, z), sum, 2e-5);
         }
+        const double both = total(maps[0]) + total(maps[1]);
+        CHECK_NEAR(total(maps[2]) / both, 1, 1e-5);
         for (int k = 0; k < 3; ++k) sps_tmap_destroy(maps[k]);
     }
     sps_destroy(context);
@@ -368,12 +370,12 @@ static void test_workers(void) {
         sps_tmap *maps[3];
         sps_context *contexts[3];
         sps_tmap_info info[3];
+        check_hooks hooks[3];
+        memset(hooks, 0, sizeof hooks);
         for (int k = 0; k < 3; ++k) {
             static const int workers[3] = {1, 2, 7};
-            check_hooks hooks;
-            memset(&hooks, 0, sizeof hooks);
-            hooks.worker_count = workers[k], hooks.order = (uint64_t)k;
-            contexts[k] = check_context(&hooks);
+            hooks[k].worker_count = workers[k], hooks[k].order = (uint64_t)k;
+            contexts[k] = check_context(&hooks[k]);
             begin(&s, techniques[n]);
             s.settings.epsilon = 0;
             s.light.width = s.light.height = 130; /* of several tiles */

@@ -9,6 +9,7 @@
 #include "mesh.h"
 #include "nvdb.h"
 #include "particles.h"
+#include "sky.h"
 #include "slide.h"
 #include "transfer.h"
 #include "vdb.h"
@@ -131,7 +132,10 @@ typedef struct arguments {
     double map_epsilon, scattering_tolerance, tolerance, budget_seconds, budget_error, max_bytes;
     sps_tmap_settings map; /* of all lights that cast shadows by maps; options set its fields */
     int exr_type, exr_compression;
-    const char *out, *pfm, *alpha_pfm, *exr, *radiance_hdr, *stats;
+    const char *out, *pfm, *alpha_pfm, *exr, *radiance_hdr, *stats, *sky_file;
+    double sky_turn, sky_scale;
+    int sky_samples;
+    ex_sky sky;
     bake_arguments bake;
 } arguments;
 
@@ -510,6 +514,10 @@ static const option_rule options[] = {
     {"--light-falloff", "inverse-square|none", "by distance, of any but a directional light; default inverse-square", set_choice, OF_LIGHT(falloff), 1, 0, 0, falloff_names},
     {"--ambient", "r,g,b", "radiance from everywhere, unshadowed; default 0,0,0", set_reals, OF_SCENE(ambient), 3, POSITIVE},
     {"--background", "r,g,b", "radiance behind everything; default 0,0,0", set_reals, OF_SCENE(background), 3, POSITIVE},
+    {"--sky", "FILE.ppm | FILE.hdr", "equirectangular picture of the sky: a light, and the background; the sun stays in it", set_text, OF_SCENE(sky_file), NO_NUMBERS},
+    {"--sky-turn", "DEG", "turns it to the left; its middle is towards -z, or +y if --up is along z", set_reals, OF_SCENE(sky_turn), 1, -360, 360, NULL},
+    {"--sky-scale", "S", "multiplies its radiance; default 1", set_reals, OF_SCENE(sky_scale), 1, 0, 1e9, NULL},
+    {"--sky-samples", "N", "rays from a polygon's point to the sky, up to 512; default by --quality", set_integers, OF_SCENE(sky_samples), 1, 1, 512, NULL},
     {"--coverage", "N", "N x N samples of polygons' edges per pixel, up to 8; default 0: one, at its centre", set_integers, OF_SCENE(coverage), 1, 0, 8, NULL},
     {"--slab-thickness", "VOXELS", "sheet thickness, the main knob; the step of --reference; default by --quality, or 0.5", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
     {"--shadow-resolution", "N", "texels along a shadow buffer's longer side; default by --quality", set_integers, OF_SCENE(shadow_resolution), 1, 1, 16384, NULL},
@@ -1069,6 +1077,10 @@ static int check_scene_options(const arguments *all, ex_error *error) {
     if (all->plan && is_marched(all))
         return ex_fail(error, "--plan and %s exclude each other: a plan is about sheets and sweeps, and there are none",
                        all->reference ? "--reference" : "--shadow samples");
+    static const char *const of_sky[] = {"--sky-turn", "--sky-scale", "--sky-samples"};
+    for (int i = 0; i < 3; ++i)
+        if (has(all->given, of_sky[i]) && !all->sky_file)
+            return ex_fail(error, "%s says nothing without --sky", of_sky[i]);
     if (has(all->given, "--samples") && !is_marched(all))
         return ex_fail(error, "--samples says nothing without --reference");
     if (has(all->given, "--region")) {

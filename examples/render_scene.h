@@ -297,6 +297,11 @@ static inline int load_scene(arguments *all, const scene_arrays *arrays, sps_sce
     scene->lights = arrays->lights, scene->light_count = all->light_count;
     to_floats(all->ambient, scene->ambient);
     to_floats(all->background, scene->background);
+    if (all->sky_file) {
+        if (ex_sky_read(all->sky_file, all->up, all->sky_turn, all->sky_scale, &all->sky, error)) return 1;
+        scene->sky_fn = ex_sky_light, scene->sky_user = &all->sky;
+        if (!has(all->given, "--background")) scene->background_fn = ex_sky_behind, scene->background_user = &all->sky;
+    }
     scene->replace_invalid = all->replace_invalid;
     return 0;
 }
@@ -333,6 +338,7 @@ static inline void make_view(const arguments *all, sps_view *view) {
     memcpy(view->region, all->region, sizeof view->region);
     view->quality = (sps_quality)all->quality;
     view->coverage_samples = all->coverage;
+    view->sky_samples = all->sky_samples;
     view->slab_thickness = all->slab;
     view->shadow_resolution = all->shadow_resolution;
     view->no_shadows = all->no_shadows;
@@ -463,6 +469,7 @@ static inline void begin_arguments(arguments *all, const settings *given) {
     all->bake.metres_per_unit = 1;
     all->max_bytes = EX_MAX_BYTES;
     all->shadow = ex_find_name(shadow_names, "auto");
+    all->sky_scale = 1;
     default_volume(all->volumes);
     default_particles(all->particles);
     default_mesh(all->meshes);
@@ -480,6 +487,7 @@ static inline void free_arguments(arguments *all) {
     for (int i = 0; i < all->mesh_count; ++i) ex_mesh_free(&all->meshes[i].mesh);
     for (int i = 0; i < all->particle_set_count; ++i) ex_particles_free(&all->particles[i].particles);
     for (int i = 0; i < all->light_count; ++i) ex_slide_free(&all->lights[i].slide);
+    ex_sky_free(&all->sky);
     free(all->particles);
     free(all->volumes);
     free(all->meshes);

@@ -463,6 +463,12 @@ static void test_samples_option(void) {
     static const complaint all[] = {
         {"--reference --samples -1", 2, "--samples: '-1' is out of range: N must be within 0.."},
         {SMALL VOLUME "--samples 2", 2, "--samples says nothing without --reference"},
+        {SMALL VOLUME "--sky-turn 2", 2, "--sky-turn says nothing without --sky"},
+        {SMALL VOLUME "--sky-scale 2", 2, "--sky-scale says nothing without --sky"},
+        {SMALL VOLUME "--sky-samples 2", 2, "--sky-samples says nothing without --sky"},
+        {SMALL VOLUME "--sky no.hdr --out a.png", 1, "no.hdr"},
+        {SMALL VOLUME "--sky no.ppm --out a.png", 1, "no.ppm"},
+        {SMALL VOLUME "--sky no.ppm --sky-samples 513", 2, "must be within 1..512"},
         {SMALL VOLUME "--shadow sheets --samples 2", 2, "--samples says nothing"}};
     CHECK_COMPLAINTS(all);
     CHECK(same_shadows(LIT "--pfm shadow.pfm", LIT "--samples 0 --pfm shadow.pfm"));

@@ -466,8 +466,8 @@ static void test_samples_option(void) {
         {SMALL VOLUME "--sky-turn 2", 2, "--sky-turn says nothing without --sky"},
         {SMALL VOLUME "--sky-scale 2", 2, "--sky-scale says nothing without --sky"},
         {SMALL VOLUME "--sky-samples 2", 2, "--sky-samples says nothing without --sky"},
-        {SMALL VOLUME "--sky no.hdr --out a.png", 1, "no.hdr"},
-        {SMALL VOLUME "--sky no.ppm --out a.png", 1, "no.ppm"},
+        {SMALL VOLUME "--sky no.hdr --out a.png", 2, "no.hdr"},
+        {SMALL VOLUME "--sky no.ppm --out a.png", 2, "no.ppm"},
         {SMALL VOLUME "--sky no.ppm --sky-samples 513", 2, "must be within 1..512"},
         {SMALL VOLUME "--shadow sheets --samples 2", 2, "--samples says nothing"}};
     CHECK_COMPLAINTS(all);

@@ -22705,15 +22705,16 @@ static int spsi_end_rays(const spsi_shader *shader, int k, spsi_row *row) {
 static void spsi_pixels_behind(const spsi_shader *shader, spsi_pixels *p) {
     const spsi_frame *frame = shader->frame;
     const spsi_m blocked = spsi_less(p->polygon, spsi_set(SPSI_INFINITY));
-    float lanes[3][SPSI_LANES], toward[3][SPSI_LANES];
+    float more[3][SPSI_LANES] = {{0}}, toward[3][SPSI_LANES];
     for (int k = 0; k < 3; ++k) spsi_store(toward[k], p->toward[k]);
-    for (int i = 0; i < SPSI_LANES; ++i) {
+    for (int i = 0; frame->sky && i < SPSI_LANES; ++i) {
         const double way[3] = {(double)toward[0][i], (double)toward[1][i], (double)toward[2][i]};
-        for (int c = 0; c < 3; ++c)
-            lanes[c][i] = frame->given.ambient[c] +
-                          (frame->sky ? spsi_sky_at(frame->sky, way)[c] - frame->sky->low[c] : 0);
+        for (int c = 0; c < 3; ++c) more[c][i] = spsi_sky_at(frame->sky, way)[c] - frame->sky->low[c];
     }
-    for (int c = 0; c < 3; ++c) p->behind[c] = spsi_select(blocked, spsi_set(0), spsi_load(lanes[c]));
+    for (int c = 0; c < 3; ++c) {
+        const spsi_v all = spsi_add(spsi_set(frame->given.ambient[c]), spsi_load(more[c]));
+        p->behind[c] = spsi_select(blocked, spsi_set(0), all);
+    }
 }
 
 /* Returns the number of nonempty slabs times `width`. */

@@ -20,6 +20,7 @@
 # make budget      what budgets of time and error promise, and what they keep, into docs/budget.md; 8 minutes
 # make first-flights  the error of light from small sources, scene by scene and quality by quality; FIRE=rings: that one
 # make maps        transmittance maps compared with each other, into docs/maps.md and docs/maps_*.png
+# make six-way     a baked flipbook beside renders of its smoke, docs/six_way.png, and the difference of each light
 # make effects     what each effect costs, and that it costs nothing where it is not needed, into docs/effects.md
 # make gallery     the pictures of the scene programs at full size, into build/gallery/
 # make pictures    the small pictures in docs/
@@ -136,7 +137,7 @@ $(GALLERY)/scan_%.png: build/render examples/looks/%.txt examples/looks/floor.ob
 build/measure:
 	mkdir -p $@
 
-build/measure/%: tests/measure/%.c $(HEADERS) $(wildcard tests/measure/*.h) tests/flames.h build/splatshadow.o | build/measure
+build/measure/%: tests/measure/%.c $(HEADERS) $(wildcard tests/measure/*.h examples/shaders/*) tests/flames.h build/splatshadow.o | build/measure
 	$(CC) $(STANDARD) $(OPTIMIZE) $(WARNINGS_C) $(INCLUDES) -Iexamples -Itests $< build/splatshadow.o -o $@ $(LIBRARIES)
 
 # See the top of tests/measure/bench.c for its parts. bench_plain is plain C, bench_avx2 has vectors of 8 floats at most.
@@ -232,6 +233,16 @@ maps: build/measure/maps
 	@mkdir -p build/maps && rm -f build/maps.failed
 	{ build/measure/maps docs build/maps || touch build/maps.failed; } | tee build/maps.txt
 	@test ! -e build/maps.failed && awk -f tests/measure/maps.awk build/maps.txt > docs/maps.md
+
+# The flipbook's frames come from the program, which afterwards reads the textures baked of them.
+.PHONY: six-way
+SIX_WAY = build/six_way
+six-way: build/measure/six_way build/bake
+	@mkdir -p $(SIX_WAY)
+	build/measure/six_way smoke $(SIX_WAY)
+	build/bake six-way --volume $(SIX_WAY)/smoke%03d.nrrd --frames 0,1 --tile 80 --scale 12 --texels unorm8 \
+		--out-a $(SIX_WAY)/a.dds --out-b $(SIX_WAY)/b.dds
+	build/measure/six_way compare $(SIX_WAY) 12 docs/six_way.png
 
 # Of the page, what stands before the first printed line is kept. Fails if something is spent that need not be.
 .PHONY: effects

@@ -165,9 +165,9 @@ static const char *const shadow_names[] = {"sheets",  "deep",   "compressed", "o
 static const char *const exr_type_names[] = {"half", "float", NULL};
 static const char *const exr_compression_names[] = {"zip", "none", NULL};
 /* Cards of six-way lightmaps; then those of maps, in the order of sps_export_layout. */
-static const char *const layout_names[] = {"unity",  "o3de-tlrb", "o3de-lrt", "godot", "array",
-                                           "slices", "atlas",     "cube",     NULL};
-enum { FIRST_MAP_LAYOUT = 4 };
+static const char *const layout_names[] = {"unity", "o3de-tlrb", "o3de-rlt", "o3de-lrt", "godot",
+                                           "array", "slices",    "atlas",    "cube",     NULL};
+enum { FIRST_MAP_LAYOUT = 5 };
 static const char *const convention_names[] = {"unreal", "library", NULL};
 static const char *const alpha_names[] = {"straight", "premultiplied", NULL};
 static const char *const texel_names[] = {"unorm8", "half", "float", "unorm16", NULL};
@@ -552,7 +552,7 @@ static const option_rule options[] = {
     {"--stats", "FILE.json", "what the render did, and how long it took", set_text, OF_SCENE(stats), NO_NUMBERS},
     {"--plan", NULL, "says what would run, and why, and renders nothing; not with --reference", set_flag, OF_SCENE(plan), NO_NUMBERS},
     {"--list-grids", NULL, "says what grids the .vdb and .nvdb files have, and renders nothing", set_flag, OF_SCENE(list_grids), NO_NUMBERS},
-    {"--layout", "unity|o3de-tlrb|o3de-lrt|godot | array|slices|atlas|cube", "of cards: which light goes into which channel, default unity; of maps: default array", set_choice, OF_BAKE(layout), 1, 0, 0, layout_names},
+    {"--layout", "unity|o3de-tlrb|o3de-rlt|o3de-lrt|godot | array|slices|atlas|cube", "of cards: which light goes into which channel, default unity; of maps: default array", set_choice, OF_BAKE(layout), 1, 0, 0, layout_names},
     {"--tile", "N", "pixels along each side of a frame; default 256", set_integers, OF_BAKE(tile), 1, 1, 16384, NULL},
     {"--tiles", "C,R", "columns and rows of frames, from the top left; of cloud shadows: of maps, default 1,1", set_integers, OF_BAKE(tiles), 2, 1, 4096, NULL},
     {"--frames", "A,B", "numbers of the first and the last frame, for %d or %0Nd in names of files", set_integers, OF_BAKE(frames), 2, 0, 999999999, NULL},

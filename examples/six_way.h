@@ -3,7 +3,9 @@
    from:
    - Unity: manual of the package Visual Effect Graph 17.2, "Realistic smoke lighting with six-way lighting". Its shader
      weighs by squares; its back is along tangent x bitangent, away from the normal.
-   - O3DE: "Custom Lighting Tutorial with Flipbook Animation", o3de.org, for both packings; it weighs by squares too.
+   - O3DE: "Custom Lighting Tutorial with Flipbook Animation", docs.o3de.org, and its code in o3de/sample-code-gems:
+     packings TLRB and RLT. A draft of 2022 had LRT in the place of RLT. It weighs by squares too. Opacity is the alpha
+     channel of a texture of its own ("Packed"), or, in the draft, its red ("Split"): that texture has both.
    - Godot: "Six-Way Volumetric Lighting" 2.2, and Blazium's module sixway_mtl, which has the same shader. Its ReadMe
      says that back is +z. In the code, +z of the view selects front: back is lit from behind here as well. The code
      reads the bottom from the first texture's alpha, so that both have it; and it decodes colors by the sRGB curve. */
@@ -45,12 +47,17 @@ static inline ex_card_layout ex_card_layout_of(int number) {
         {{{EX_RIGHT, EX_TOP, EX_BACK, EX_ALPHA}, {EX_LEFT, EX_BOTTOM, EX_FRONT, EX_GLOW}}, 2, 0},
         {{{EX_TOP, EX_LEFT, EX_RIGHT, EX_BOTTOM},
           {EX_FRONT, EX_BACK, EX_ZERO, EX_ONE},
-          {EX_ALPHA, EX_ALPHA, EX_ALPHA, EX_ONE}},
+          {EX_ALPHA, EX_ALPHA, EX_ALPHA, EX_ALPHA}},
+         3,
+         0},
+        {{{EX_RIGHT, EX_LEFT, EX_TOP, EX_ONE},
+          {EX_BOTTOM, EX_BACK, EX_FRONT, EX_ONE},
+          {EX_ALPHA, EX_ALPHA, EX_ALPHA, EX_ALPHA}},
          3,
          0},
         {{{EX_LEFT, EX_RIGHT, EX_TOP, EX_ONE},
           {EX_FRONT, EX_BACK, EX_BOTTOM, EX_ONE},
-          {EX_ALPHA, EX_ALPHA, EX_ALPHA, EX_ONE}},
+          {EX_ALPHA, EX_ALPHA, EX_ALPHA, EX_ALPHA}},
          3,
          0},
         {{{EX_RIGHT, EX_TOP, EX_BACK, EX_BOTTOM},

@@ -304,8 +304,11 @@ static void test_glow(void) {
 
 /* Letters of what the channels of each layout hold, as the engines' documents have them: Right, Top, bacK, Left,
    Bottom, Front, Alpha, Emission; 0 and 1. */
-static const char *const expected[4][3] = {
-    {"RTKA", "LBFE", NULL}, {"TLRB", "FK01", "AAA1"}, {"LRT1", "FKB1", "AAA1"}, {"RTKB", "LBF1", "AE11"}};
+static const char *const expected[5][3] = {{"RTKA", "LBFE", NULL},
+                                           {"TLRB", "FK01", "AAAA"},
+                                           {"RLT1", "BKF1", "AAAA"},
+                                           {"LRT1", "FKB1", "AAAA"},
+                                           {"RTKB", "LBF1", "AE11"}};
 
 /* Maps of one pixel, each with a number of its own. */
 static double number_of(char letter, double scale, int is_straight) {
@@ -321,9 +324,9 @@ static void test_layouts(void) {
     ex_card_begin(&card, 1, 1, 1);
     for (int i = 0; i < EX_SIDES; ++i) card.maps[i][0] = (float)(i + 1) / 16;
     card.maps[EX_ALPHA][0] = 0.5f;
-    for (int i = 0; i < 4 * 2; ++i) {
+    for (int i = 0; i < 5 * 2; ++i) {
         ex_card_texture texture = {ex_card_layout_of(i / 2), 0, 3, i % 2};
-        CHECK(texture.layout.count == (i / 2 == 0 ? 2 : 3) && texture.layout.has_srgb == (i / 2 == 3));
+        CHECK(texture.layout.count == (i / 2 == 0 ? 2 : 3) && texture.layout.has_srgb == (i / 2 == 4));
         for (; texture.number < texture.layout.count; ++texture.number) {
             float *texels = ex_card_texels(&card, &texture);
             for (int c = 0; c < 4; ++c)
@@ -525,6 +528,7 @@ static void test_wrong_options(void) {
         {"six-way", 2, "--layout unity has 2 textures: give --out-a"},
         {"six-way " GAS "--out-a a.dds", 2, "--layout unity has 2 textures: give --out-b"},
         {"six-way " GAS "--layout godot " OUT, 2, "--layout godot has 3 textures: give --out-c"},
+        {"six-way " GAS "--layout o3de-rlt " OUT, 2, "--layout o3de-rlt has 3 textures: give --out-c"},
         {"six-way " GAS "--layout o3de-lrt " OUT, 2, "--layout o3de-lrt has 3 textures: give --out-c"},
         {"six-way " GAS OUT "--out-c c.dds", 2, "--out-c says nothing about --layout unity, which has 2 textures"},
         {"six-way " OUT, 2, "nothing to bake: give --volume or --particles"},
@@ -534,7 +538,7 @@ static void test_wrong_options(void) {
         {"six-way " GAS "--out-a a.dds --out-b b.exr --texels unorm8", 2, "--out-b b.exr holds no --texels unorm8"},
         {"six-way " GAS OUT "--texels u8", 2, "--texels: 'u8' is not unorm8|half|float"},
         {"six-way " GAS OUT "--exr-compression zip", 2, "--exr-compression says nothing without an .exr file"},
-        {"six-way " GAS OUT "--layout unreal", 2, "--layout: 'unreal' is not unity|o3de-tlrb|o3de-lrt|godot"},
+        {"six-way " GAS OUT "--layout unreal", 2, "--layout: 'unreal' is not unity|o3de-tlrb|o3de-rlt|o3de-lrt|godot"},
         {"six-way " GAS OUT "--alpha none", 2, "--alpha: 'none' is not straight|premultiplied"},
         {"six-way " GAS OUT "--scale 0", 2, "--scale: '0' is out of range"},
         {"six-way " GAS OUT "--tile 0", 2, "--tile: '0' is out of range"},
@@ -711,7 +715,7 @@ static void test_files(void) {
     CHECK_COMPLAINTS(made);
     const int size = read_file("a.dds", one, sizeof one);
     CHECK(size == 148 + 8 * 25 && read_file("c.dds", other, sizeof other) == size && one[128] == 10);
-    CHECK(read_file("c.dds", other, sizeof other) == 148 + 8 * 25 && other[144] == 4);
+    CHECK(read_file("c.dds", other, sizeof other) == 148 + 8 * 25 && other[144] == 1);
     CHECK(read_file("a8.dds", one, sizeof one) == 148 + 100 && one[128] == 29 && one[144] == 4);
     CHECK(read_file("a.exr", other, sizeof other) > 25 * 8 && memcmp(other, "\x76\x2f\x31\x01", 4) == 0);
     if (!magick) {
@@ -794,7 +798,7 @@ static void test_help(void) {
     static const complaint look = {"six-way " GAS "--look bake.txt " OUT, 0, NULL};
     CHECK_COMPLAINTS(helps);
     CHECK(read_file("help.txt", text, sizeof text) > 3000 && strstr(text, "usage: bake six-way [options]\n"));
-    CHECK(strstr(text, "--layout unity|o3de-tlrb|o3de-lrt|godot") && strstr(text, "--volume FILE"));
+    CHECK(strstr(text, "--layout unity|o3de-tlrb|o3de-rlt|o3de-lrt|godot") && strstr(text, "--volume FILE"));
     CHECK(!strstr(text, "--light ") && !strstr(text, "--plan") && !strstr(text, "--out FILE"));
     for (char *line = strtok(text, "\n"); line; line = strtok(NULL, "\n"))
         if (!CHECK(strlen(line) <= 120)) printf("    %s\n", line);

@@ -5,6 +5,7 @@
 #include "particles.h"
 #include "picture.h"
 #include "vectors.h"
+#include <time.h>
 
 enum {
     HAIRS = 10000,

@@ -15832,6 +15832,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
     if (spsi_gather(context, frame) || spsi_pyramids_place(context, frame) ||
         spsi_gather_faces(context, frame, &occluders.faces) || spsi_gather_strands(context, frame))
         return context->result;
+    spsi_bounds_join(&occluders.bounds, &frame->content->bounds);
     occluders.frame = frame;
     occluders.part.progress = SPSI_PROGRESS_GATHER;
     occluders.part.share = 1 - SPSI_PROGRESS_GATHER;

@@ -20689,7 +20689,7 @@ static void spsi_sky_even(const spsi_sky_parts *parts, const double normal[3], d
         for (int c = 0; c < 3; ++c) sum[c] = spsi_fma(seen, spsi_load(parts->color[c] + i), sum[c]);
         sum[3] = spsi_add(sum[3], seen);
     }
-    for (int c = 0; c < 3; ++c) even[c] = spsi_total(sum[c]) / spsi_total(sum[3]);
+    for (int c = 0; c < 3; ++c) even[c] = spsi_total(sum[c]) / spsi_dmax(spsi_total(sum[3]), (double)FLT_MIN);
 }
 
 /* Rays from a point: up to SPSI_PACKET of the sky's. */
@@ -20782,8 +20782,10 @@ static double spsi_sky_irradiance(const spsi_flight_place *place, const spsi_fli
         }
     }
     spsi_sky_even(&sky->even, place->normal, even);
-    for (int c = 0; c < 3 && all > 0; ++c)
-        irradiance[c] += SPSI_PI * ((bare[c] > 0 ? even[c] * open[c] / bare[c] : 0) + other[c] / all);
+    for (int c = 0; c < 3; ++c) {
+        const double seen = bare[c] > 0 ? open[c] / bare[c] : all > 0 ? 0 : 1; /* without rays: all */
+        irradiance[c] += SPSI_PI * (even[c] * seen + (all > 0 ? other[c] / all : -(double)sky->low[c]));
+    }
     return nearest;
 }
 

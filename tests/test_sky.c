@@ -76,6 +76,7 @@ static void test_open(void) {
         add_faces(0.5);
         add_sky(&half_sky);
         look(n, origin, 0.5);
+        s.view.sky_samples = i % 3;
         if (!check_render(context, &s, rgba)) continue;
         const double exact = 0.25 * (1 + cos(angle));
         if (figures()) printf("tilt %g: %.5f exact %.5f\n", angle, (double)rgba[0], exact);

@@ -5566,9 +5566,26 @@ SPSI_COLD void spsi_sky_directions(spsi_sky *sky) {
     for (int n = 0; n < SPSI_SKY_TEXELS; ++n) sky->share[n] /= (float)all;
 }
 
-/* Divides the sphere among points of a spiral. A texel's nearest one has almost its height. */
-SPSI_COLD void spsi_sky_divide(const spsi_sky *sky, int count, spsi_sky_parts *parts) {
-    const int reach = 2 + (int)(2 * sqrt(count));
+/* Divides the sky among directions: each texel goes to the nearest of those within `reach` of its place in a spiral. */
+SPSI_COLD void spsi_sky_divide(const spsi_sky *sky, int reach, spsi_sky_parts *parts) {
+    for (int n = 0; n < SPSI_SKY_TEXELS; ++n) {
+        const float *way = sky->way[n];
+        const int level = (int)(0.5f * (1 - way[2]) * (float)parts->count);
+        float most = -2;
+        int to = 0;
+        for (int i = spsi_imax(level - reach, 0); i < spsi_imin(level + reach, parts->count); ++i) {
+            const float near_by = way[0] * parts->way[0][i] + way[1] * parts->way[1][i] + way[2] * parts->way[2][i];
+            if (near_by > most) most = near_by, to = i;
+        }
+        parts->share[to] += sky->share[n];
+        for (int c = 0; c < 3; ++c) parts->color[c][to] += sky->share[n] * sky->color[n][c];
+    }
+    for (int i = 0; i < parts->count; ++i)
+        for (int c = 0; c < 3; ++c) parts->color[c][i] /= spsi_fmax(parts->share[i], FLT_MIN);
+}
+
+/* Divides it among points of a spiral, of which the nearest has almost the same height. */
+SPSI_COLD void spsi_sky_spiral(const spsi_sky *sky, int count, spsi_sky_parts *parts) {
     memset(parts, 0, sizeof *parts);
     parts->count = count;
     for (int i = 0; i < count; ++i) {
@@ -5577,20 +5594,7 @@ SPSI_COLD void spsi_sky_divide(const spsi_sky *sky, int count, spsi_sky_parts *p
         parts->way[1][i] = (float)(aside * sin(turn));
         parts->way[2][i] = (float)up;
     }
-    for (int n = 0; n < SPSI_SKY_TEXELS; ++n) {
-        const float *way = sky->way[n];
-        const int level = (int)(0.5f * (1 - way[2]) * (float)count);
-        float most = -2;
-        int to = 0;
-        for (int i = spsi_imax(level - reach, 0); i < spsi_imin(level + reach, count); ++i) {
-            const float near_by = way[0] * parts->way[0][i] + way[1] * parts->way[1][i] + way[2] * parts->way[2][i];
-            if (near_by > most) most = near_by, to = i;
-        }
-        parts->share[to] += sky->share[n];
-        for (int c = 0; c < 3; ++c) parts->color[c][to] += sky->share[n] * sky->color[n][c];
-    }
-    for (int i = 0; i < count; ++i)
-        for (int c = 0; c < 3; ++c) parts->color[c][i] /= spsi_fmax(parts->share[i], FLT_MIN);
+    spsi_sky_divide(sky, 2 + (int)(2 * sqrt(count)), parts);
 }
 
 /* Radiance from a unit direction. */
@@ -5627,8 +5631,8 @@ SPSI_COLD sps_result spsi_sky_read(sps_context *context, spsi_frame *frame) {
         sky->mean[c] = (float)mean[c];
         frame->given.ambient[c] += sky->low[c];
     }
-    spsi_sky_divide(sky, 2 * frame->view.sky_samples, &sky->rays);
-    spsi_sky_divide(sky, SPSI_SKY_RAYS, &sky->even);
+    spsi_sky_spiral(sky, 2 * frame->view.sky_samples, &sky->rays);
+    spsi_sky_spiral(sky, SPSI_SKY_RAYS, &sky->even);
     frame->sky = sky;
     return SPS_OK;
 }
@@ -24285,25 +24289,18 @@ SPSI_COLD void spsi_cells_light_polygons(spsi_cell_job *job) {
 
 /* Averages what the sky has above its least around each direction's origin, keeping the mean. */
 SPSI_COLD void spsi_cells_sky(const spsi_sky *sky, spsi_cell_solver *solver) {
-    double sums[3][SPSI_CELL_DIRECTIONS] = {{0}}, shares[SPSI_CELL_DIRECTIONS] = {0};
-    for (int n = 0; n < SPSI_SKY_TEXELS; ++n) {
-        double most = -1;
-        int nearest = 0;
-        for (int i = 0; i < SPSI_CELL_DIRECTIONS; ++i) {
-            const double *back = solver->directions[i].back;
-            double cosine = 0;
-            for (int k = 0; k < 3; ++k) cosine += back[k] * (double)sky->way[n][k];
-            if (cosine > most) most = cosine, nearest = i;
-        }
-        shares[nearest] += (double)sky->share[n];
-        for (int c = 0; c < 3; ++c) sums[c][nearest] += (double)(sky->share[n] * (sky->color[n][c] - sky->low[c]));
-    }
+    spsi_sky_parts parts;
+    memset(&parts, 0, sizeof parts);
+    parts.count = SPSI_CELL_DIRECTIONS;
+    for (int i = 0; i < 3 * parts.count; ++i) parts.way[i % 3][i / 3] = (float)solver->directions[i / 3].back[i % 3];
+    spsi_sky_divide(sky, parts.count, &parts);
     for (int c = 0; c < 3; ++c) {
-        double all = 0;
-        for (int i = 0; i < SPSI_CELL_DIRECTIONS; ++i)
-            all += (double)solver->directions[i].weight * sums[c][i] / shares[i];
-        const double scale = all > 0 ? (double)(sky->mean[c] - sky->low[c]) / all : 0;
-        for (int i = 0; i < SPSI_CELL_DIRECTIONS; ++i) solver->outside[c][i] = (float)(scale * sums[c][i] / shares[i]);
+        float all = FLT_MIN;
+        for (int i = 0; i < parts.count; ++i) {
+            solver->outside[c][i] = spsi_fmax(parts.color[c][i] - sky->low[c], 0);
+            all += solver->directions[i].weight * solver->outside[c][i];
+        }
+        for (int i = 0; i < parts.count; ++i) solver->outside[c][i] *= (sky->mean[c] - sky->low[c]) / all;
     }
 }
 

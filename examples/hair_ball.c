@@ -7,6 +7,8 @@
 #include "vectors.h"
 #include <time.h>
 
+#include <time.h>
+
 enum {
     HAIRS = 10000,
     POINTS = 12,

@@ -10,6 +10,8 @@
 #include "slide.h"
 #include "vectors.h"
 
+#include <strings.h>
+
 #define EX_SKY_SIZE_MAX 16384
 
 typedef struct ex_sky {
@@ -122,32 +124,50 @@ static inline int ex_hdr_read(const char *path, ex_slide *slide, ex_error *error
 
 /* --- the sky --- */
 
-/* Averages a picture over blocks, so that it has at most `most` pixels along its width. */
-static inline void ex_slide_shrink(const ex_slide *from, int most, ex_slide *to) {
-    const int step = (from->width + most - 1) / most;
-    to->width = (from->width + step - 1) / step, to->height = (from->height + step - 1) / step;
-    to->rgb = (float *)ex_allocate((size_t)to->width * (size_t)to->height, 3 * sizeof(float));
-    for (int n = 0; n < to->width * to->height; ++n) {
-        const int x0 = n % to->width * step, y0 = n / to->width * step;
-        const int x1 = x0 + step < from->width ? x0 + step : from->width;
-        const int y1 = y0 + step < from->height ? y0 + step : from->height;
-        double sum[3] = {0, 0, 0};
-        for (int y = y0; y < y1; ++y)
-            for (int x = x0; x < x1; ++x)
-                for (int c = 0; c < 3; ++c)
-                    sum[c] += (double)from->rgb[3 * ((size_t)y * (size_t)from->width + (size_t)x) + (size_t)c];
-        for (int c = 0; c < 3; ++c) to->rgb[3 * n + c] = (float)(sum[c] / ((double)(x1 - x0) * (y1 - y0)));
+/* Where pixel `i` of `from` pixels and pixel `k` of `to` pixels of the same length overlap: 0 to 1 along all. */
+static inline void ex_sky_overlap(int i, int from, int k, int to, double ends[2]) {
+    const double whole = (double)from * to;
+    ends[0] = fmax((double)i * to, (double)k * from) / whole;
+    ends[1] = fmin((i + 1.0) * to, (k + 1.0) * from) / whole;
+}
+
+/* The mean over a pixel of a smaller picture, by solid angle. */
+static inline void ex_sky_average(const ex_slide *from, const ex_slide *to, int column, int row, float out[3]) {
+    const int x0 = (int)((int64_t)column * from->width / to->width);
+    const int x1 = (int)(((int64_t)(column + 1) * from->width + to->width - 1) / to->width);
+    const int y0 = (int)((int64_t)row * from->height / to->height);
+    const int y1 = (int)(((int64_t)(row + 1) * from->height + to->height - 1) / to->height);
+    double sum[3] = {0, 0, 0}, whole = 0, wide[2], tall[2];
+    for (int y = y0; y < y1; ++y) {
+        ex_sky_overlap(y, from->height, row, to->height, tall);
+        for (int x = x0; x < x1; ++x) {
+            const float *color = from->rgb + 3 * ((size_t)y * (size_t)from->width + (size_t)x);
+            ex_sky_overlap(x, from->width, column, to->width, wide);
+            const double weight = (wide[1] - wide[0]) * (cos(EX_PI * tall[0]) - cos(EX_PI * tall[1]));
+            for (int c = 0; c < 3; ++c) sum[c] += weight * (double)color[c];
+            whole += weight;
+        }
     }
+    for (int c = 0; c < 3; ++c) out[c] = (float)(sum[c] / whole);
+}
+
+/* Averages a picture, so that it has at most `most` pixels along its width. */
+static inline void ex_sky_shrink(const ex_slide *from, int most, ex_slide *to) {
+    to->width = from->width < most ? from->width : most;
+    to->height = (int)fmax(1, floor((double)from->height * to->width / from->width + 0.5));
+    to->rgb = (float *)ex_allocate((size_t)to->width * (size_t)to->height, 3 * sizeof(float));
+    for (int n = 0; n < to->width * to->height; ++n)
+        ex_sky_average(from, to, n % to->width, n / to->width, to->rgb + 3 * (size_t)n);
 }
 
 /* Reads a picture. Its middle lies towards -z, or +y if up is along z; `turn` degrees rotate it to the left. */
 static inline int ex_sky_read(const char *path, const double up[3], double turn, double scale, ex_sky *sky,
                               ex_error *error) {
     const size_t length = strlen(path);
-    const int is_hdr = length > 4 && strcmp(path + length - 4, ".hdr") == 0;
+    const int is_hdr = length > 4 && strcasecmp(path + length - 4, ".hdr") == 0;
     memset(sky, 0, sizeof *sky);
     if (is_hdr ? ex_hdr_read(path, &sky->image, error) : ex_slide_read(path, &sky->image, error)) return 1;
-    ex_slide_shrink(&sky->image, 180, &sky->even);
+    ex_sky_shrink(&sky->image, 180, &sky->even);
     sky->up = ex_vec_unit(ex_vec_of(up[0], up[1], up[2]));
     const ex_vec ahead = fabs(sky->up.z) > 0.9 ? ex_vec_of(0, 1, 0) : ex_vec_of(0, 0, -1);
     const ex_vec right = ex_vec_unit(ex_vec_cross(ahead, sky->up)), level = ex_vec_cross(sky->up, right);

@@ -17,6 +17,19 @@ static void put_text(const char *text) { put(text, strlen(text)); }
 
 static void put_byte(int byte) { bytes[length++] = (unsigned char)byte; }
 
+/* Files end in .hdr, however it is spelled. */
+static void test_ending(void) {
+    static const double up[3] = {0, 1, 0};
+    static const char upper[] = "build/test_sky_picture_2.HDR";
+    ex_sky sky;
+    ex_error error;
+    FILE *file = fopen(upper, "wb");
+    if (!CHECK(file != NULL)) return;
+    CHECK(fputs("#?RADIANCE\n\n-Y 1 +X 1\nabcd", file) >= 0 && fclose(file) == 0);
+    if (CHECK(ex_sky_read(upper, up, 0, 1, &sky, &error) == 0)) ex_sky_free(&sky);
+    remove(upper);
+}
+
 static int load(ex_slide *slide, ex_error *error) {
     FILE *file = fopen(path, "wb");
     if (!CHECK(file != NULL)) return 1;
@@ -189,32 +202,66 @@ static void test_places(void) {
     }
 }
 
-/* Large pictures are averaged; the mean over equal blocks stays. */
+/* Red light of a picture over all directions. */
+static double sum_light(const ex_slide *slide) {
+    double sum = 0;
+    for (int n = 0; n < slide->width * slide->height; ++n) {
+        const int y = n / slide->width;
+        const double top = cos(EX_PI * y / slide->height), below = cos(EX_PI * (y + 1) / slide->height);
+        sum += (double)slide->rgb[3 * n] * 2 * EX_PI / slide->width * (top - below);
+    }
+    return sum;
+}
+
+/* Large pictures are averaged. Light stays wherever a sun is: amid the sky, in the last column, at either pole, and
+   where a pixel lies in two of the smaller picture. Floats round to 6e-8, twice. */
 static void test_shrink(void) {
+    static const int suns[][2] = {{3, 150}, {399, 90}, {7, 0}, {200, 199}, {2, 2}};
     ex_slide from = {400, 200, NULL}, to;
-    double sums[2] = {0, 0};
     from.rgb = (float *)calloc(3 * 400 * 200, sizeof *from.rgb);
     if (!CHECK(from.rgb != NULL)) return;
-    for (int n = 0; n < 3 * 400 * 200; ++n) from.rgb[n] = (float)(n * 7 % 13);
-    from.rgb[3 * (400 * 150 + 3)] = 1e6f;
-    ex_slide_shrink(&from, 180, &to);
-    CHECK(to.width == 134 && to.height == 67);
-    for (int y = 0; y < 66; ++y)
-        for (int x = 0; x < 133; ++x) sums[0] += (double)to.rgb[3 * (y * 134 + x)] * 9;
-    for (int y = 0; y < 198; ++y)
-        for (int x = 0; x < 399; ++x) sums[1] += (double)from.rgb[3 * (y * 400 + x)];
-    CHECK_NEAR(sums[0], sums[1], 1);
+    for (size_t i = 0; i < sizeof suns / sizeof *suns; ++i) {
+        float *sun = &from.rgb[3 * (400 * suns[i][1] + suns[i][0])];
+        *sun = 1e6f;
+        ex_sky_shrink(&from, 180, &to);
+        CHECK(to.width == 180 && to.height == 90);
+        CHECK_NEAR(sum_light(&to) / sum_light(&from), 1, 2e-7);
+        *sun = 0;
+        free(to.rgb);
+    }
     free(from.rgb);
-    free(to.rgb);
+}
+
+/* Sizes that no block divides: the horizon stays in the middle, all round. */
+static void test_horizon(void) {
+    static const int sizes[][2] = {{4096, 2048}, {181, 90}, {16384, 3}, {1, 2}, {7, 9}};
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; ++i) {
+        ex_slide from = {sizes[i][0], sizes[i][1], NULL}, to;
+        double sum = 0;
+        const int pixels = from.width * from.height;
+        from.rgb = (float *)malloc((size_t)pixels * 3 * sizeof *from.rgb);
+        if (!CHECK(from.rgb != NULL)) return;
+        for (int n = 0; n < 3 * pixels; ++n) {
+            const int y = n / 3 / from.width;
+            from.rgb[n] = 2 * y + 1 == from.height ? 0.5f : 2 * y + 1 < from.height;
+        }
+        ex_sky_shrink(&from, 180, &to);
+        CHECK(to.width == (from.width < 180 ? from.width : 180) && to.height >= 1);
+        sum = sum_light(&to);
+        CHECK_NEAR(sum / (2 * EX_PI), 1, 1e-6);
+        free(from.rgb), free(to.rgb);
+    }
 }
 
 int main(void) {
     RUN(test_rows);
     RUN(test_ends);
+    RUN(test_ending);
     RUN(test_refused);
     RUN(test_damaged);
     RUN(test_places);
     RUN(test_shrink);
+    RUN(test_horizon);
     remove(path);
     return check_report();
 }

@@ -77,6 +77,10 @@ static int help(const char *usage, const refusal *one, const refusal *other) {
 
 static const refusal refused[] = {{"--light", "its lights are one on each of six sides"},
                                   {"--ambient", "ambient light has no side"},
+                                  {"--sky", "its lights are one on each of six sides"},
+                                  {"--sky-turn", "its lights are one on each of six sides"},
+                                  {"--sky-scale", "its lights are one on each of six sides"},
+                                  {"--sky-samples", "its lights are one on each of six sides"},
                                   {"--gas-ambient", "ambient light has no side"},
                                   {"--particle-ambient", "ambient light has no side"},
                                   {"--background", "there is nothing behind a card"},
@@ -377,6 +381,10 @@ static int bake_six_way(settings *given, ex_error *error) {
 
 /* Options that say nothing about transmittance. Those of appearance may stand, since looks have them. */
 static const refusal refused_by_maps[] = {{"--ambient", "a map holds transmittance"},
+                                          {"--sky", "a map holds transmittance"},
+                                          {"--sky-turn", "a map holds transmittance"},
+                                          {"--sky-scale", "a map holds transmittance"},
+                                          {"--sky-samples", "a map holds transmittance"},
                                           {"--gas-ambient", "a map holds transmittance"},
                                           {"--particle-ambient", "a map holds transmittance"},
                                           {"--background", "a map holds transmittance"},

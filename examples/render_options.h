@@ -970,6 +970,7 @@ static const char *find_input(const arguments *all, const char *path) {
         if (ex_same_file(path, all->particles[i].file)) return "--particles";
     for (int i = 0; i < all->light_count; ++i)
         if (all->lights[i].image && ex_same_file(path, all->lights[i].image)) return "--light";
+    if (all->sky_file && ex_same_file(path, all->sky_file)) return "--sky";
     for (size_t i = 0; i < all->settings->count; ++i)
         if (all->settings->list[i].look && ex_same_file(path, all->settings->list[i].look)) return "--look";
     return NULL;

@@ -300,7 +300,9 @@ static inline int load_scene(arguments *all, const scene_arrays *arrays, sps_sce
     if (all->sky_file) {
         if (ex_sky_read(all->sky_file, all->up, all->sky_turn, all->sky_scale, &all->sky, error)) return 1;
         scene->sky_fn = ex_sky_light, scene->sky_user = &all->sky;
-        if (!has(all->given, "--background")) scene->background_fn = ex_sky_behind, scene->background_user = &all->sky;
+        /* Nothing is behind what bake.c makes. */
+        if (all->settings->program == RENDER && !has(all->given, "--background"))
+            scene->background_fn = ex_sky_behind, scene->background_user = &all->sky;
     }
     scene->replace_invalid = all->replace_invalid;
     return 0;

@@ -737,7 +737,7 @@ static void test_refused_options(void) {
                                         "--exr x.exr",      "--stats x.json",      "--part 1/2",
                                         "--plan",           "--list-grids",        "--tile 4",
                                         "--frames 1,2",     "--alpha straight",    "--scale 2",
-                                        "--out-a x.dds"};
+                                        "--out-a x.dds",    "--sky x.hdr"};
     static const char *const of_map[] = {"--tiles 1,1", "--convention unreal", "--metres-per-unit 1"};
     static const char *const of_cloud[] = {"--camera 0,0,5,0,0,0", "--fov 4", "--depths 1,2", "--surfaces x.dds"};
     enum { GIVEN = sizeof given / sizeof *given };
@@ -1220,6 +1220,17 @@ static void test_impostor(void) {
     CHECK(file.dxgi == 28);
 }
 
+/* The sky lights a card, but does not stand behind it. */
+static void test_impostor_under_sky(void) {
+    static const complaint made = {
+        "impostor --particles ball.f32 --sky white.ppm --tile 9 --texels float --alpha premultiplied " PAIR, 0, NULL};
+    check_complaints(&made, 1);
+    const dds_file file = read_alpha("a.dds", 2);
+    if (!CHECK(file.count == 324 && file.dxgi == 2)) return;
+    CHECK(number_at(&file, 0) == 0 && number_at(&file, 3) == 0);
+    CHECK(number_at(&file, 4 * 36) > 0.1 && number_at(&file, 4 * 36 + 3) > 0.9); /* at its left edge */
+}
+
 static void write_inputs(void) {
     static const float balls[3][5] = {{0, 0, 0, 0.5f, 1}, {0.9f, 0.3f, 0.2f, 0.25f, 2}, {-0.5f, 0.6f, -0.4f, 0.3f, 1}};
     static const float two[2][5] = {{0, 0, -30600, 7500, 2}, {0, 0, 30600, 7500, 2}};
@@ -1234,6 +1245,7 @@ static void write_inputs(void) {
     write_file("balls.f32", balls, sizeof balls), write_file("two.f32", two, sizeof two);
     write_file("ball.f32", ball, sizeof ball);
     write_file("none.f32", "", 0), write_file("q.obj", polygons, sizeof polygons - 1);
+    write_file("white.ppm", "P6 1 1 255\n\377\377\377", 14);
     write_file("v.dds", cloud, 8), write_file("nan.raw", &not_a_number, 4);
 }
 
@@ -1258,6 +1270,7 @@ static void test_command_line(void) {
     RUN(test_help);
     RUN(test_wrong_impostors);
     RUN(test_impostor);
+    RUN(test_impostor_under_sky);
 }
 
 int main(void) {

@@ -652,6 +652,7 @@ static void test_projector_options(void) {
         {THROW "wide.ppm --plan", 2, "wide.ppm: 4097 x 1 pixels; there may be 1..4096 on a side"},
         {THROW "most.ppm --plan", 2, "most.ppm: not a binary PPM file ('P6')"},
         {THROWN "--out slide16.ppm", 2, "--out slide16.ppm is a file that --light reads"},
+        {SMALL VOLUME "--sky slide16.ppm --out slide16.ppm", 2, "--out slide16.ppm is a file that --sky reads"},
         {THROWN "--light-focus 3 --plan", 2,
          "--light-focus says nothing about --light projector,0,0,5,0,0,-1,30,1,1,1,"
          "slide16.ppm, which has no --light-size"},

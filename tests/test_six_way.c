@@ -579,6 +579,8 @@ static void test_refused_options(void) {
     static const char *const given[] = {"--light directional,0,0,1,1,1,1",
                                         "--ambient 1,1,1",
                                         "--gas-ambient 1,1,1",
+                                        "--sky x.hdr",
+                                        "--sky-turn 1",
                                         "--background 1,1,1",
                                         "--fov 30",
                                         "--width 4",

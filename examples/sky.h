@@ -12,7 +12,8 @@
 
 #include <strings.h>
 
-#define EX_SKY_SIZE_MAX 16384
+#define EX_SKY_SIZE_MAX  16384
+#define EX_SKY_BRIGHTEST 1e18f /* the library accepts no more */
 
 typedef struct ex_sky {
     ex_slide image, even; /* as read; averaged, as a light */
@@ -99,7 +100,8 @@ static inline int ex_hdr_pixels(const char *path, const char *rest, const char *
             const double unit = at[3 * width] ? scale * ldexp(1, at[3 * width] - 136) : 0;
             good = at[0] != 1 || at[width] != 1 || at[2 * width] != 1; /* run lengths of pixels */
             for (size_t c = 0; c < 3; ++c)
-                slide->rgb[3 * ((size_t)y * width + x) + c] = (float)fmin(unit * at[c * width], 1e18);
+                slide->rgb[3 * ((size_t)y * width + x) + c] =
+                    (float)fmin(unit * at[c * width], (double)EX_SKY_BRIGHTEST);
         }
         if (!good) ex_fail(error, "%s: row %d of its pixels is damaged, or packed in an old way", path, y);
     }
@@ -193,6 +195,7 @@ static inline void ex_sky_look(const ex_sky *sky, const ex_slide *image, const f
         const float *color = image->rgb + 3 * ((size_t)row * (size_t)image->width + (size_t)column);
         for (int c = 0; c < 3; ++c) out[c] += sky->scale * (float)share * color[c];
     }
+    for (int c = 0; c < 3; ++c) out[c] = fminf(out[c], EX_SKY_BRIGHTEST);
 }
 
 /* sps_scene.sky_fn; `user` is an ex_sky. */

@@ -202,6 +202,29 @@ static void test_places(void) {
     }
 }
 
+/* Nothing exceeds what the library accepts, although interpolation rounds and a scale multiplies. */
+static void test_bright(void) {
+    static const double up[3] = {0, 1, 0};
+    static const float largest = 1e18f;
+    ex_sky sky;
+    ex_error error;
+    FILE *file = fopen(path, "wb");
+    if (!CHECK(file != NULL)) return;
+    CHECK(fputs("#?RADIANCE\n\n-Y 1 +X 1\n\377\377\377\377", file) >= 0 && fclose(file) == 0);
+    for (int i = 0; i < 2; ++i) {
+        int above = 0;
+        if (!CHECK(ex_sky_read(path, up, 0, i ? 1e9 : 1, &sky, &error) == 0)) return;
+        for (int n = 0; n < 100; ++n) {
+            const float way[3] = {cosf((float)n), 0.02f * (float)n - 1, sinf((float)n)};
+            float behind[3], lit[3];
+            CHECK(ex_sky_behind(&sky, 1, way, behind) == 0 && ex_sky_light(&sky, 1, way, lit) == 0);
+            for (int c = 0; c < 3; ++c) above += !(behind[c] <= largest && lit[c] <= largest);
+        }
+        CHECK(above == 0);
+        ex_sky_free(&sky);
+    }
+}
+
 /* Red light of a picture over all directions. */
 static double sum_light(const ex_slide *slide) {
     double sum = 0;
@@ -260,6 +283,7 @@ int main(void) {
     RUN(test_refused);
     RUN(test_damaged);
     RUN(test_places);
+    RUN(test_bright);
     RUN(test_shrink);
     RUN(test_horizon);
     remove(path);

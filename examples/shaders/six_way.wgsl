@@ -1,5 +1,5 @@
-// six_way.glsl in WGSL: shades a card of smoke by the two textures of `bake six-way --layout unity`. `light` is the unit
-// vector from the card to a light:
+// six_way.glsl in WGSL: shades a card of smoke by the two textures of `bake six-way --layout unity`. `light` is the
+// unit vector from the card to a light:
 //
 //     let a = textureSample(map_a, linear_sampler, uv);
 //     let b = textureSample(map_b, linear_sampler, uv);

@@ -1,5 +1,5 @@
-// Reads transmittance maps that sps_tmap_export made, as transmittance_map.glsl does with TMAP_TEXTURE, which explains the
-// formulas. Maps with `planes` are not read.
+// Reads transmittance maps that sps_tmap_export made, as transmittance_map.glsl does with TMAP_TEXTURE, which explains
+// the formulas. Maps with `planes` are not read.
 //
 //     let place = tmap_project(world_position);
 //     let light_left = mix(1.0, tmap_filtered(place), tmap_fade(place, 8.0));

@@ -19,8 +19,8 @@ enum {
     TEXELS = 512
 };
 
-#define HEAD    0.75 /* radius; hairs reach about 1.3 */
-#define REACH   1.5
+#define HEAD    0.75 /* radius; hairs reach up to 1.6 */
+#define REACH   1.7
 #define OPACITY 0.6
 #define WIDE    0.008
 

@@ -62,6 +62,13 @@ six_way() {
         echo 'color = vec4(six_way_radiance(a, b, normalize(at)), b.w, 0.0, a.w); }'
 }
 
+# The same in HLSL, with the definitions that the comment shows.
+six_way_hlsl() {
+    sed -n 's/^ *\(#define .*\)/\1/p' examples/shaders/six_way.glsl | sed 3q && echo '#include "six_way.glsl"' &&
+        echo 'float4 main(float4 a : TEXCOORD0, float4 b : TEXCOORD1, float3 at : TEXCOORD2) : SV_Target {' &&
+        echo 'return six_way_radiance(a, b, normalize(at)); }'
+}
+
 # check FILE COMMAND..: runs a command on FILE
 check() {
     file=$1 && shift
@@ -86,6 +93,7 @@ textures '#version 450' 'layout(location = 0)' > "$folder/$compiler.textures_450
 hlsl_textures > "$folder/$compiler.textures.hlsl"
 six_way '#version 130' > "$folder/$compiler.six_way_130.frag"
 six_way '#version 300 es' > "$folder/$compiler.six_way_es.frag"
+six_way_hlsl > "$folder/$compiler.six_way.hlsl"
 object=$folder/$compiler.spv
 
 case $compiler in
@@ -93,7 +101,7 @@ glslangValidator)
     for version in 430 es 450 own six_way_130 six_way_es textures_330 textures_430 textures_300es textures_310es; do
         check "$folder/$compiler.$version.frag" glslangValidator
     done
-    for file in 450.frag hlsl textures_450.frag textures.hlsl; do
+    for file in 450.frag hlsl textures_450.frag textures.hlsl six_way.hlsl; do
         case $file in *hlsl) language='-D -S frag -e main' ;; *) language= ;; esac
         check "$folder/$compiler.$file" glslangValidator -V $language -Iexamples/shaders -o "$object"
         command -v spirv-val > /dev/null && check "$object" spirv-val
@@ -101,12 +109,12 @@ glslangValidator)
     ;;
 glslc)
     for version in 450 own textures_450; do check "$folder/$compiler.$version.frag" glslc -o "$object"; done
-    for file in hlsl textures.hlsl; do
+    for file in hlsl textures.hlsl six_way.hlsl; do
         check "$folder/$compiler.$file" glslc -x hlsl -fshader-stage=fragment -fentry-point=main -Iexamples/shaders -o "$object"
     done
     ;;
 dxc)
-    for file in hlsl textures.hlsl; do
+    for file in hlsl textures.hlsl six_way.hlsl; do
         check "$folder/$compiler.$file" dxc -T ps_6_0 -E main -I examples/shaders -Fo "$object"
     done
     ;;

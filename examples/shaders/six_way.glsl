@@ -14,7 +14,14 @@
    twice the mean: the glow around a light behind the card belongs to that direction only. tests/test_six_way.c has
    these figures.
 
-   This file is GLSL (1.30, ES 3.00) without bindings; six_way.wgsl says the same in WGSL, and six_way.h in C. */
+   This file is GLSL (1.30, ES 3.00) without bindings; six_way.wgsl says the same in WGSL, and six_way.h in C. HLSL
+   includes this file, too, after
+
+       #define SIX_WAY_FUNCTION
+       #define six_way_vec3 float3
+       #define six_way_vec4 float4
+
+ */
 
 #ifndef SIX_WAY_INCLUDED
 #define SIX_WAY_INCLUDED

@@ -164,7 +164,9 @@ fn tmap_moment_factor(n: i32) -> tmap_triangle {
     return f;
 }
 
-fn tmap_moment_polynomials(f: tmap_triangle, z: f32) -> vec4f {
+// Older compilers index an array by a variable only where it is a variable itself; hence the copy.
+fn tmap_moment_polynomials(factor: tmap_triangle, z: f32) -> vec4f {
+    var f = factor;
     var p = vec4f(0.0);
     var power = 1.0;
     for (var i = 0; i < f.size; i += 1) {
@@ -181,7 +183,8 @@ fn tmap_moment_weight(f: tmap_triangle, z: f32) -> f32 {
     return 1.0 / dot(p, p);
 }
 
-fn tmap_moment_kernel(f: tmap_triangle, z: f32) -> vec4f {
+fn tmap_moment_kernel(factor: tmap_triangle, z: f32) -> vec4f {
+    var f = factor;
     var c = tmap_moment_polynomials(f, z);
     for (var i = f.size - 1; i >= 0; i -= 1) {
         for (var k = i + 1; k < f.size; k += 1) { c[i] -= f.rows[k][i] * c[k]; }

@@ -29,7 +29,9 @@
        map.technique_id = TMAP_DEEP_OPACITY, map.components = 8, map.cubic = 1, map.has_planes = 0;
 
    An engine with buffers of its own defines TMAP_TEXEL, TMAP_SURFACE, TMAP_PLANE, TMAP_START and TMAP_FRONT before it
-   includes this file, and passes a tmap that it has filled itself. */
+   includes this file, and passes a tmap that it has filled itself. One with textures of its own defines TMAP_FETCH,
+   TMAP_FETCH_SURFACE, TMAP_SAMPLE, TMAP_SCALE, TMAP_OFFSET, TMAP_MOMENT_BIAS and TMAP_PLANE. Maps of six faces take
+   tmap_project_to_cube instead of tmap_project. */
 
 #ifndef TMAP_INCLUDED
 #define TMAP_INCLUDED

@@ -65,7 +65,8 @@ CONTENTS (search for the tag)
     >>licence
 
 NOT INCLUDED
-    No files, no windows, no threads of its own, no GPU. No refraction, no mirrors, no light from polygon to polygon.
+    No files, no windows, no threads of its own, no GPU. No refraction, no mirrors. No light from polygon to polygon,
+    except the sky's, once.
     Ambient light is unshadowed, except by gas under SPS_SCATTERING_MULTIPLE. sps_view.coverage_samples antialiases
     polygons, but not their shadows, nor classified volumes with voxels smaller than pixels: render larger and
     downsample. Gas is prefiltered: a pixel shows its mean.
@@ -82,7 +83,8 @@ CONVENTIONS
     kernel(p - centre). The kernel is a normalised Gaussian with a standard deviation of 0.65 voxels. Values outside the
     box are 0, so the field fades out within 2.5 voxels of it. sps_reference marches through exactly this sum;
     sps_render cuts the kernels at 1.8 to 2.5 voxels, depending on quality.
-    A scene's callbacks return 0 on success, else non-zero; read_fn, eval_fn and sample_fn receive zeroed outputs.
+    A scene's callbacks return 0 on success, else non-zero; read_fn, eval_fn, sample_fn and sky_fn receive zeroed
+    outputs.
 
 BUILD OPTIONS (define before the implementation is included; none changes a public type)
 
@@ -648,7 +650,8 @@ typedef struct sps_scene {
     void *background_user;
     /* The sky, added to `ambient`; NULL: none. Radiance from unit directions (packed triples): 9216 in one call, about
        2 degrees apart. Between them it is constant, so `sky_fn` should average that much. Polygons, shadowed by each
-       other, see all of it; gas without multiple scattering sees its mean. sps_plan calls it, too. */
+       other, see all of it; gas without multiple scattering sees its mean. Translucent polygons do not filter what
+       enters gas. sps_plan calls it, too. */
     int (*sky_fn)(void *user, size_t count, const float *directions, float *out_rgb);
     void *sky_user;
     /* 1: invalid values of volumes and projectors become 0, and invalid particles and points of strands are ignored;
@@ -685,7 +688,7 @@ typedef struct sps_camera {
     const double *world_to_clip;
 } sps_camera;
 
-/* Scattering of light in gas on its way to the eye. All modes treat single scattering exactly. */
+/* Scattering of light in gas on its way to the eye. All modes treat single scattering of lights exactly. */
 typedef enum sps_scattering {
     /* MULTIPLE if the gas calls for it, else SINGLE, by sps_view.scattering_tolerance. Costs a test of each voxel. */
     SPS_SCATTERING_AUTO = 0,
@@ -757,7 +760,8 @@ typedef struct sps_view {
        sheets. */
     int scattering_resolution;
     /* SPS_SCATTERING_AUTO: single scattering if higher orders carry at most this fraction of its energy, 0..1;
-       0: 0.01. Scattering or emitting gas with polygons is always MULTIPLE. */
+       0: 0.01. Scattering or emitting gas with polygons is always MULTIPLE; so is gas with lobes under a
+       sky. */
     float scattering_tolerance;
     /* Rays to the sky from a point on a polygon, up to 512; 0: 16, 32, 128 or 512 by quality. All points have the same
        directions, so shadows show steps, not noise. */
@@ -1060,7 +1064,8 @@ SPS_API void sps_get_error(const sps_context *context, sps_error_info *info);
 /* Reports which passes sps_render would run for this scene and view, and why. Reads particles and calls range_fn (and
    progress_fn meanwhile), but reads no voxels or triangles. Volumes that are not cached count as full boxes, so
    UNSUPPORTED (SPS_SHADOW_SHEETS) or too many slabs may occur where sps_render succeeds. `report` is zeroed on failure.
-   Errors: ARGUMENT, MEMORY, CALLBACK (range_fn, particles' read_fn), CANCELLED, DATA (particles), UNSUPPORTED. */
+   Errors: ARGUMENT, MEMORY, CALLBACK (range_fn, sky_fn, particles' read_fn), CANCELLED, DATA (sky_fn, particles),
+   UNSUPPORTED. */
 SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
                             sps_plan_report *report);
 
@@ -5615,6 +5620,7 @@ SPSI_COLD sps_result spsi_sky_read(sps_context *context, spsi_frame *frame) {
     spsi_sky *sky = SPSI_RESERVE(context, SPSI_BUFFER_SKY, 1, spsi_sky);
     if (!sky) return context->result;
     spsi_sky_directions(sky);
+    memset(sky->color, 0, sizeof sky->color);
     if (spsi_check_call(context, SPS_OBJECT_SCENE, -1, "sky_fn",
                         scene->sky_fn(scene->sky_user, SPSI_SKY_TEXELS, sky->way[0], sky->color[0])))
         return context->result;
@@ -20714,7 +20720,9 @@ static void spsi_sky_reflected(const spsi_flight_place *place, const double way[
     if (!spsi_ray_to_opaque(place->faces, place->face, &ray, &hit)) return; /* by round-off: open, but black */
     rays->reach[n] = (float)ray.high;
     if (!spsi_ray_surface(place->faces, &ray, &hit, 0, &surface, color)) return;
-    spsi_sky_even(&place->frame->sky->rays, surface.normal, even);
+    /* Fewer rays may leave a side of the sphere without any. */
+    const spsi_sky *sky = place->frame->sky;
+    spsi_sky_even(sky->rays.count < 16 ? &sky->even : &sky->rays, surface.normal, even);
     for (int c = 0; c < 3; ++c) rays->sent[c][n] = color[c] * even[c];
 }
 
@@ -20787,8 +20795,8 @@ static double spsi_sky_irradiance(const spsi_flight_place *place, const spsi_fli
     }
     spsi_sky_even(&sky->even, place->normal, even);
     for (int c = 0; c < 3; ++c) {
-        const double seen = bare[c] > 0 ? open[c] / bare[c] : all > 0 ? 0 : 1; /* without rays: all */
-        irradiance[c] += SPSI_PI * (even[c] * seen + (all > 0 ? other[c] / all : -(double)sky->low[c]));
+        const double reaches = bare[c] > 0 ? even[c] * open[c] / bare[c] : 0;
+        irradiance[c] += SPSI_PI * (all > 0 ? reaches + other[c] / all : even[c] - (double)sky->low[c]);
     }
     return nearest;
 }

@@ -84,6 +84,90 @@ static void test_open(void) {
     }
 }
 
+/* A grey square shows the colors of the sky above it. */
+static void test_colors(void) {
+    two_skies blue = {{0, 0, 1}, {0.2, 0.4, 0.8}, {0, 0, 0}, 1e-6};
+    const double up[3] = {0, 0, 1}, x_axis[3] = {1, 0, 0};
+    check_clear(&s, SIDE, SIDE);
+    faces.count = 0;
+    add_square(origin, x_axis, y_axis);
+    add_faces(0.5);
+    add_sky(&blue);
+    look(up, origin, 0.5);
+    if (!check_render(context, &s, rgba)) return;
+    for (int c = 0; c < 3; ++c) CHECK_NEAR((double)rgba[c], 0.5 * blue.above[c], 0.001);
+}
+
+static int eval_cap(void *user, size_t count, const float *directions, float *out) {
+    (void)user;
+    for (size_t i = 0; i < 3 * count; ++i) out[i] = directions[i / 3 * 3 + 2] > 0.9f ? 1 : 0;
+    return 0;
+}
+
+/* A white cap within 26 degrees of the zenith fills 1/20 of the sphere; its first moment is (1 - 0.9^2) / 4. The
+   rim's texels hold 0.008 of the sphere, and err by turns. */
+static void test_cap(void) {
+    float l0[3], l1[9];
+    sps_probe_arrays out;
+    memset(&out, 0, sizeof out);
+    out.l0 = l0, out.l1 = l1;
+    check_clear(&s, SIDE, SIDE);
+    s.scene.sky_fn = eval_cap;
+    if (!CHECK_OK(context, sps_light_probes(context, &s.scene, &s.view, 1, origin, &out))) return;
+    if (figures()) printf("cap: %g %g\n", (double)l0[0], (double)l1[2]);
+    CHECK_NEAR((double)l0[0], 0.05, 0.002);
+    CHECK_NEAR((double)l1[2], 0.0475, 0.002);
+}
+
+/* Two rays leave sides of the sphere without any. A square that faces none counts as open: it sees half of a half-white
+   sky. Behind such a square, another still gets finite light. */
+static void test_few_rays(void) {
+    const double down[3] = {0, -1, 0}, x_axis[3] = {1, 0, 0}, z_axis[3] = {0, 0, 1};
+    check_clear(&s, SIDE, SIDE);
+    faces.count = 0;
+    add_square(origin, x_axis, z_axis);
+    add_faces(0.5);
+    add_sky(&half_sky);
+    s.view.sky_samples = 1;
+    look(down, origin, 0.5);
+    if (check_render(context, &s, rgba)) CHECK_NEAR((double)rgba[0], 0.25, 0.001);
+    const double at[3] = {0.866, 0, 0.5}, wide[3] = {-0.2, 0, 0.4}, high[3] = {0.9, -0.4, 0}, east[3] = {1, 0, 0};
+    faces.count = 0;
+    add_square(origin, y_axis, z_axis);
+    add_square(at, wide, high); /* its normal is along (0.4, 0.9, 0.2) */
+    s.mesh[0].triangle_count = faces.count;
+    look(east, origin, 0.1);
+    s.view.near_distance = 0.7;
+    if (!check_render(context, &s, rgba)) return;
+    CHECK(rgba[0] >= 0 && rgba[0] <= 0.5f && rgba[3] > 0.99f);
+}
+
+/* Gas that scatters almost straight ahead shows what lies behind it: a lobe of g = 0.99 sends 0.2 % of light back. So
+   coverage takes the white half's radiance, and none from the black half or a black polygon. */
+static void test_behind(void) {
+    static const sps_lobe ahead = {0.99f, 1};
+    for (int i = 0; i < 3; ++i) {
+        const double from[3] = {0, 0, i == 1 ? 3 : -3}, low[3] = {0, 0, 1.2}, wide[3] = {9, 0, 0}, high[3] = {0, 9, 0};
+        check_clear(&s, SIDE, SIDE);
+        faces.count = 0;
+        add_square(low, wide, high);
+        if (i == 2) add_faces(0);
+        add_sky(&half_sky);
+        sps_volume *cloud = check_add_puff(&s, 3);
+        check_color(cloud->albedo, 1, 1, 1);
+        cloud->lobes = &ahead, cloud->lobe_count = 1;
+        s.view.scattering = SPS_SCATTERING_MULTIPLE;
+        look(from, origin, 0.2);
+        if (!check_render(context, &s, rgba)) continue;
+        const float *middle = rgba + 4 * (PIXELS / 2 + SIDE / 2);
+        if (figures()) printf("behind %d: %g of %g\n", i, (double)middle[0], (double)middle[3]);
+        CHECK(middle[3] > 0.5f);
+        if (i == 0) CHECK_NEAR((double)(middle[0] / middle[3]), 1, 0.03);
+        if (i == 1) CHECK_NEAR((double)(middle[0] / middle[3]), 0, 0.03);
+        if (i == 2) CHECK_NEAR((double)middle[0], 0, 0.1);
+    }
+}
+
 /* A black ball of radius 1 touches a white floor: it hides R^3 / (x^2 + R^2)^1.5 of it. */
 static void test_ball(void) {
     static check_triangles ball;
@@ -325,6 +409,20 @@ static int eval_bad(void *user, size_t count, const float *directions, float *ou
     return bad->result;
 }
 
+static int eval_nothing(void *user, size_t count, const float *directions, float *out) {
+    return (void)user, (void)count, (void)directions, (void)out, 0;
+}
+
+/* What sky_fn leaves out is black, even if the last call's sky was not. */
+static void test_zeroed(void) {
+    build_all();
+    if (!check_render(context, &s, rgba)) return;
+    CHECK(rgba[4 * 31] > 0);
+    s.scene.sky_fn = eval_nothing;
+    if (!check_render(context, &s, rgba)) return;
+    for (int n = 0; n < 63; ++n) CHECK(rgba[4 * n] <= 0 && rgba[4 * n + 2] <= 0);
+}
+
 static void test_errors(void) {
     static const bad_sky bad[] = {{0, NAN}, {0, -1}, {0, INFINITY}, {0, 1e19}, {5, 1}};
     build_all();
@@ -424,12 +522,17 @@ static void test_probes(void) {
 int main(void) {
     context = check_context(NULL);
     RUN(test_open);
+    RUN(test_colors);
+    RUN(test_cap);
+    RUN(test_few_rays);
+    RUN(test_behind);
     RUN(test_ball);
     RUN(test_slab);
     RUN(test_furnace);
     RUN(test_trench);
     RUN(test_pane);
     RUN(test_reference);
+    RUN(test_zeroed);
     RUN(test_errors);
     RUN(test_failing);
     RUN(test_cached);

@@ -20707,8 +20707,9 @@ typedef struct spsi_sky_rays {
     int count, part[SPSI_PACKET];
     double cosine[SPSI_PACKET];
     float reach[SPSI_PACKET]; /* distance to an opaque polygon; infinity: none */
-    float through[3][SPSI_PACKET];
-    double sent[3][SPSI_PACKET]; /* radiance of that polygon */
+    double filter[3][SPSI_PACKET]; /* transmittance of polygons */
+    float through[3][SPSI_PACKET]; /* of gas */
+    double sent[3][SPSI_PACKET];   /* radiance of that polygon */
 } spsi_sky_rays;
 
 /* Follows a blocked ray to its polygon, which reflects the sky as if nothing shadowed it. */
@@ -20744,7 +20745,7 @@ static void spsi_sky_trace(const spsi_flight_place *place, const spsi_flights *f
         for (int c = 0; c < 3; ++c) rays->sent[c][n] = 0;
         if (!(packet.open >> n & 1)) spsi_sky_reflected(place, way, n, rays);
         if ((packet.open & packet.filtered) >> n & 1) spsi_packet_through(&packet, n, through);
-        for (int c = 0; c < 3; ++c) rays->through[c][n] = (float)through[c];
+        for (int c = 0; c < 3; ++c) rays->filter[c][n] = through[c], rays->through[c][n] = 1;
     }
     for (int first = 0; flights && first < rays->count; first += SPSI_LANES) {
         spsi_flight_segments ways;
@@ -20788,7 +20789,7 @@ static double spsi_sky_irradiance(const spsi_flight_place *place, const spsi_fli
             for (int c = 0; c < 3; ++c) {
                 const double through = rays.cosine[n] * (double)rays.through[c][n];
                 bare[c] += rays.cosine[n] * (double)parts->color[c][part];
-                open[c] += opens ? through * (double)parts->color[c][part] : 0;
+                open[c] += opens ? through * rays.filter[c][n] * (double)parts->color[c][part] : 0;
                 other[c] += through * ((opens ? 0 : rays.sent[c][n]) - (double)sky->low[c]);
             }
         }

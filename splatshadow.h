@@ -20699,7 +20699,7 @@ static void spsi_sky_even(const spsi_sky_parts *parts, const double normal[3], d
         for (int c = 0; c < 3; ++c) sum[c] = spsi_fma(seen, spsi_load(parts->color[c] + i), sum[c]);
         sum[3] = spsi_add(sum[3], seen);
     }
-    for (int c = 0; c < 3; ++c) even[c] = spsi_total(sum[c]) / spsi_dmax(spsi_total(sum[3]), (double)FLT_MIN);
+    for (int c = 0; c < 3; ++c) even[c] = spsi_total(sum[c]) / spsi_total(sum[3]);
 }
 
 /* Rays from a point: up to SPSI_PACKET of the sky's. */

@@ -662,12 +662,13 @@ static void random_scenery(scenery *x) {
     random_color(x->s.scene.background, 1);
     random_provider(&x->sky);
     if (one_in(5)) x->s.scene.background_fn = background_sky, x->s.scene.background_user = &x->sky;
-    if (one_in(5)) x->s.scene.sky_fn = background_sky, x->s.scene.sky_user = &x->sky;
     x->s.scene.replace_invalid = one_in(3);
     random_view(x);
     if (from_bytes) spare_depth_maps(x);
     random_colors(x);
     if (one_in(12)) spoil(x);
+    if (one_in(5)) x->s.scene.sky_fn = background_sky, x->s.scene.sky_user = &x->sky;
+    if (one_in(3)) x->s.view.sky_samples = below(100);
 }
 
 static void free_scenery(scenery *x) {

@@ -391,7 +391,7 @@ static void build_all(void) {
     const double low[3] = {0, 0, -0.7}, wide[3] = {2, 0, 0}, high[3] = {0, 2, 0}, up[3] = {0, 0, 2};
     add_square(low, wide, high), add_square(low, wide, up);
     add_faces(0.5);
-    check_add_puff(&s, 3);
+    check_color(check_add_puff(&s, 3)->albedo, 0.9, 0.8, 0.7);
     add_sky(&day);
     const double from[3] = {3, -4, 1.5};
     look(from, origin, 2.5);
@@ -463,6 +463,12 @@ static void test_cached(void) {
         check_render_plain(&s, exact);
         if (!check_render(context, &s, rgba)) continue;
         CHECK(check_same(&s, rgba, exact));
+        sps_stats_report stats;
+        sps_get_stats(context, &stats);
+        CHECK(stats.cells > 0);
+        CHECK(check_render(context, &s, rgba) && check_same(&s, rgba, exact));
+        sps_get_stats(context, &stats);
+        CHECK(stats.cells == 0);
         if (i == 1) CHECK(check_largest(exact, other, 4 * 63) > 0.01);
         memcpy(other, exact, sizeof other);
     }

@@ -467,10 +467,10 @@ typedef struct sps_strand_point {
     int begins;          /* 1: begins a strand, as a set's first point always does; a single point casts no shadow */
 } sps_strand_point;
 
-/* Strands (hair, grass, wires), for transmittance maps alone: sps_render and others return UNSUPPORTED. Each is a
-   ribbon that faces the light, its ends cut square; end-on, it casts no shadow. Texels get its optical depth by the
-   share of their area that it covers, so its total is kept at any width, angle and place. Bends are mitred, up to a
-   quarter turn and half a segment. A map's light must be many widths away. */
+/* Strands (hair, grass, wires) cast shadows in transmittance maps only: sps_render and others return UNSUPPORTED. A
+   strand is a ribbon that faces the light, with square ends. Seen along its axis, it casts no shadow. A texel gets the
+   optical depth times the fraction of it that is covered, so the total is kept at any width, angle and place. Bends of
+   up to a quarter turn are mitred where segments are long enough. The light must be many widths away. */
 typedef struct sps_strands {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* points, 0: no strands; at most 2^29, over all sets of a map */
@@ -648,10 +648,10 @@ typedef struct sps_scene {
     /* Instead of `background`: radiance along unit directions (packed triples), one row of pixels per call. */
     int (*background_fn)(void *user, size_t count, const float *directions, float *out_rgb);
     void *background_user;
-    /* The sky, added to `ambient`; NULL: none. Radiance from unit directions (packed triples): 9216 in one call, about
-       2 degrees apart. Between them it is constant, so `sky_fn` should average that much. Polygons, shadowed by each
-       other, see all of it; gas without multiple scattering sees its mean. Translucent polygons do not filter what
-       enters gas. sps_plan calls it, too. */
+    /* The sky: radiance from unit directions (packed triples), added to `ambient`; NULL: none. Called once, on the
+       caller's thread, by sps_plan, too, for 9216 directions about 2 degrees apart: return means over such an angle.
+       Polygons shadow each other from it. Gas is lit by direction with multiple scattering, otherwise by the sky's
+       mean. Translucent polygons do not filter the light that enters gas. */
     int (*sky_fn)(void *user, size_t count, const float *directions, float *out_rgb);
     void *sky_user;
     /* 1: invalid values of volumes and projectors become 0, and invalid particles and points of strands are ignored;
@@ -659,7 +659,7 @@ typedef struct sps_scene {
     int replace_invalid;
     const sps_particles *particles;
     int particle_set_count; /* sets of particles, up to 64 that are not empty */
-    const sps_strands *strands; /* for sps_tmap_add; other calls require strand_set_count to be 0 */
+    const sps_strands *strands; /* only sps_tmap_add takes them: other calls require a count of 0 */
     int strand_set_count;
     uint32_t end_canary;    /* leave 0 */
 } sps_scene;
@@ -4410,15 +4410,15 @@ typedef struct spsi_sky_parts {
 
 typedef struct spsi_sky {
     float way[SPSI_SKY_TEXELS][3], share[SPSI_SKY_TEXELS], color[SPSI_SKY_TEXELS][3];
-    float low[3];              /* least radiance, included in the frame's ambient light */
+    float low[3];              /* minimum radiance, included in the frame's ambient light */
     float mean[3];             /* included in the materials' */
-    spsi_sky_parts even, rays; /* for irradiance without occluders, and with */
+    spsi_sky_parts even, rays; /* directions for irradiance: unoccluded; of rays */
 } spsi_sky;
 
 /* Constant once built, except that >>shadows changes lights. */
 typedef struct spsi_frame {
     spsi_content *content;
-    sps_scene given; /* arrays valid only while building; `ambient` includes the sky's least */
+    sps_scene given; /* arrays valid only while building; `ambient` includes the sky's minimum */
     sps_view view;     /* resolved; shadow_resolution 0: fitted */
     sps_object viewer; /* object for view errors */
     spsi_accuracy accuracy;
@@ -5571,7 +5571,7 @@ SPSI_COLD void spsi_sky_directions(spsi_sky *sky) {
     for (int n = 0; n < SPSI_SKY_TEXELS; ++n) sky->share[n] /= (float)all;
 }
 
-/* Divides the sky among directions: each texel goes to the nearest of those within `reach` of its place in a spiral. */
+/* Divides the sky among directions. Each texel goes to the nearest one within `reach` places of its height's. */
 SPSI_COLD void spsi_sky_divide(const spsi_sky *sky, int reach, spsi_sky_parts *parts) {
     for (int n = 0; n < SPSI_SKY_TEXELS; ++n) {
         const float *way = sky->way[n];
@@ -5589,7 +5589,7 @@ SPSI_COLD void spsi_sky_divide(const spsi_sky *sky, int reach, spsi_sky_parts *p
         for (int c = 0; c < 3; ++c) parts->color[c][i] /= spsi_fmax(parts->share[i], FLT_MIN);
 }
 
-/* Divides it among points of a spiral, of which the nearest has almost the same height. */
+/* Divides it among points of a spiral. A texel's nearest point has almost its height. */
 SPSI_COLD void spsi_sky_spiral(const spsi_sky *sky, int count, spsi_sky_parts *parts) {
     memset(parts, 0, sizeof *parts);
     parts->count = count;
@@ -5613,7 +5613,7 @@ static const float *spsi_sky_at(const spsi_sky *sky, const double way[3]) {
     return sky->color[texel[1] * SPSI_SKY_SIDE + texel[0]];
 }
 
-/* Reads the sky, and adds its least radiance to ambient light. */
+/* Reads the sky, and adds its minimum to ambient light. */
 SPSI_COLD sps_result spsi_sky_read(sps_context *context, spsi_frame *frame) {
     const sps_scene *scene = &frame->given;
     double mean[3] = {0, 0, 0};
@@ -16054,7 +16054,7 @@ SPSI_COLD void spsi_export_store(const spsi_export *job, int x, int y, int k, fl
 
 SPSI_COLD void spsi_export_row_task(void *data, int index) {
     const spsi_export *job = (const spsi_export *)data;
-    static const float limits[] = {FLT_MAX, 65504, 12, 6}; /* of optical depths, unless set */
+    static const float limits[] = {FLT_MAX, 65504, 12, 6}; /* maximum optical depths, unless set */
     const float format_limit = job->settings->format == SPS_EXPORT_HALF ? 65504.0f : FLT_MAX;
     const float own = job->settings->depth_limit, most = own > 0 ? own : limits[job->settings->format];
     const int count = job->texture->constants.components;
@@ -18393,7 +18393,7 @@ typedef struct spsi_cell_solver {
     float *scratch;  /* radiance of rows and planes */
     double *balance; /* per plane of cells: sums of |residual| and |source| */
     spsi_cell_rays rays;
-    float outside[3][SPSI_CELL_DIRECTIONS]; /* per channel: the sky's radiance minus its least */
+    float outside[3][SPSI_CELL_DIRECTIONS]; /* per channel: the sky's radiance minus its minimum */
     int walled;          /* 1: some links are closed */
     int set_count;
     float *single; /* per light, material and cell: single scattering divided by the phase function */
@@ -20708,7 +20708,7 @@ typedef struct spsi_sky_rays {
     double cosine[SPSI_PACKET];
     float reach[SPSI_PACKET]; /* distance to an opaque polygon; infinity: none */
     double filter[3][SPSI_PACKET]; /* transmittance of polygons */
-    float through[3][SPSI_PACKET]; /* of gas */
+    float through[3][SPSI_PACKET]; /* transmittance of gas */
     double sent[3][SPSI_PACKET];   /* radiance of that polygon */
 } spsi_sky_rays;
 
@@ -20718,7 +20718,7 @@ static void spsi_sky_reflected(const spsi_flight_place *place, const double way[
     spsi_hit hit;
     spsi_surface surface;
     double color[3], even[3];
-    if (!spsi_ray_to_opaque(place->faces, place->face, &ray, &hit)) return; /* by round-off: open, but black */
+    if (!spsi_ray_to_opaque(place->faces, place->face, &ray, &hit)) return; /* round-off: it counts as open, but black */
     rays->reach[n] = (float)ray.high;
     if (!spsi_ray_surface(place->faces, &ray, &hit, 0, &surface, color)) return;
     /* Fewer rays may leave a side of the sphere without any. */
@@ -20765,8 +20765,9 @@ static void spsi_sky_trace(const spsi_flight_place *place, const spsi_flights *f
     }
 }
 
-/* Adds irradiance from the sky, and from polygons that hide it, minus that of its least. Rays find how much of it
-   passes; so open points are exact. `flights`: for the gas; NULL: none. Returns the nearest polygon's distance. */
+/* Adds irradiance from the sky and from polygons that hide it, minus that of the sky's minimum, which ambient light
+   includes. Rays find the fraction that passes, so open points are exact. `flights`: for the gas; NULL: none. Returns
+   the nearest polygon's distance. */
 static double spsi_sky_irradiance(const spsi_flight_place *place, const spsi_flights *flights, double irradiance[3]) {
     const spsi_sky *sky = place->frame->sky;
     const spsi_sky_parts *parts = &sky->rays;
@@ -24296,7 +24297,7 @@ SPSI_COLD void spsi_cells_light_polygons(spsi_cell_job *job) {
     level->outside = outside;
 }
 
-/* Averages what the sky has above its least around each direction's origin, keeping the mean. */
+/* Averages the sky's radiance above its minimum around each direction's origin. Its mean is kept. */
 SPSI_COLD void spsi_cells_sky(const spsi_sky *sky, spsi_cell_solver *solver) {
     spsi_sky_parts parts;
     memset(&parts, 0, sizeof parts);
@@ -29230,7 +29231,7 @@ static void spsi_probe_source(const spsi_prober *prober, const spsi_probe_gas *g
     float *own = gas->cells + (cell * (size_t)grid->channels + (size_t)c) * spsi_probe_floats(prober), lit = 0;
     float *share = own + 2, *source = share + prober->lobed_count + prober->frame->lights.whole_count;
     for (int l = 0; l < prober->frame->lights.whole_count; ++l) lit += share[prober->lobed_count + l];
-    const spsi_sky *sky = content->cells ? prober->frame->sky : NULL; /* moments have what is above its least */
+    const spsi_sky *sky = content->cells ? prober->frame->sky : NULL; /* moments include the sky above its minimum */
     const float beyond = sky ? sky->mean[c] - sky->low[c] : 0;
     own[0] = 1;
     own[1] = spsi_fmin(prober->job->emitted[(size_t)c * grid->count + cell], SPSI_RADIANCE_MAX);

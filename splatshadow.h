@@ -20718,7 +20718,7 @@ static void spsi_sky_reflected(const spsi_flight_place *place, const double way[
     spsi_hit hit;
     spsi_surface surface;
     double color[3], even[3];
-    if (!spsi_ray_to_opaque(place->faces, place->face, &ray, &hit)) return; /* round-off: it counts as open, but black */
+    if (!spsi_ray_to_opaque(place->faces, place->face, &ray, &hit)) return; /* round-off: open, but black */
     rays->reach[n] = (float)ray.high;
     if (!spsi_ray_surface(place->faces, &ray, &hit, 0, &surface, color)) return;
     /* Fewer rays may leave a side of the sphere without any. */

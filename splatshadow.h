@@ -5624,7 +5624,6 @@ SPSI_COLD sps_result spsi_sky_read(sps_context *context, spsi_frame *frame) {
     if (spsi_check_call(context, SPS_OBJECT_SCENE, -1, "sky_fn",
                         scene->sky_fn(scene->sky_user, SPSI_SKY_TEXELS, sky->way[0], sky->color[0])))
         return context->result;
-    spsi_sky_directions(sky); /* the caller may have changed them */
     memcpy(sky->low, sky->color[0], sizeof sky->low);
     for (int n = 0; n < SPSI_SKY_TEXELS; ++n) {
         if (spsi_check_rgb(context, SPS_ERROR_DATA, SPS_OBJECT_SCENE, -1, "sky_fn's color", sky->color[n],
@@ -15595,12 +15594,12 @@ SPSI_COLD int spsi_tmap_needs_fronts(const sps_tmap *map, const spsi_occluders *
            occluders->frame->content->strand_point_count > 0;
 }
 
-/* Frees fronts that are 0 everywhere. */
+/* Frees fronts that are 0 everywhere, but for round-off. */
 SPSI_COLD void spsi_tmap_drop_fronts(sps_tmap *map) {
     const float *fronts = (const float *)map->data.fronts.data;
     const size_t texels = spsi_light_grid_texels(&map->grid);
     for (size_t i = 0; i < texels && fronts; ++i)
-        if (fronts[i] > 0) return;
+        if (fronts[i] > 1e-7f) return;
     spsi_buffer_release(map->context, &map->data.fronts);
 }
 
@@ -15842,7 +15841,6 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
     if (spsi_gather(context, frame) || spsi_pyramids_place(context, frame) ||
         spsi_gather_faces(context, frame, &occluders.faces) || spsi_gather_strands(context, frame))
         return context->result;
-    spsi_bounds_join(&occluders.bounds, &frame->content->bounds);
     occluders.frame = frame;
     occluders.part.progress = SPSI_PROGRESS_GATHER;
     occluders.part.share = 1 - SPSI_PROGRESS_GATHER;

@@ -24,4 +24,11 @@ static inline int ex_find_name(const char *const *names, const char *name) {
 /* In the order of sps_quality. */
 static const char *const ex_quality_names[] = {"default", "draft", "medium", "high", "ultra", NULL};
 
+/* The file that `--out FILE` names, or `name`. Returns NULL after a sentence if there are other arguments. */
+static inline const char *ex_out_file(int argc, char **argv, const char *name) {
+    if (argc == 3 && strcmp(argv[1], "--out") == 0) return argv[2];
+    if (argc > 1) fprintf(stderr, "%s: %s is not known; it takes --out FILE.png\n", argv[0], ex_quoted(argv[1]).text);
+    return argc > 1 ? NULL : name;
+}
+
 #endif /* EX_ARGUMENTS_H */

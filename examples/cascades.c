@@ -1,6 +1,7 @@
 /* A landscape under clouds, drawn by a renderer of its own that looks shadows up in four cascades of transmittance
    maps, as an engine does. On the right half, each cascade has a color. */
 
+#include "arguments.h"
 #include "cascades.h"
 #include "densities.h"
 #include "picture.h"
@@ -82,6 +83,8 @@ int main(int argc, char **argv) {
     sps_volume clouds = {0};
     ex_cascades cascades;
     ex_error error;
+    const char *out = ex_out_file(argc, argv, "cascades.png");
+    if (!out) return EX_MISTAKEN;
     eye.up = ex_vec_cross(eye.right, eye.forward);
     ex_volume_box(&clouds, ex_vec_of(-50, 4, -60), ex_vec_of(50, 6, 14), 250);
     clouds.eval_fn = cloud_value, clouds.extinction = 4;
@@ -94,7 +97,6 @@ int main(int argc, char **argv) {
     ex_cascades_destroy(&cascades);
     sps_destroy(context);
     if (result != SPS_OK) return EX_FAILED;
-    if (ex_write_picture(argc > 1 ? argv[1] : "cascades.png", rgba, WIDTH, HEIGHT, &error))
-        return puts(error.text), EX_FAILED;
+    if (ex_write_picture(out, rgba, WIDTH, HEIGHT, &error)) return puts(error.text), EX_FAILED;
     return EX_OK;
 }

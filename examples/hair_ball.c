@@ -2,11 +2,10 @@
    From left to right: without shadows among hairs, by an opacity map, by a deep opacity map of as many floats, and by
    the exact lists of a deep map. */
 
+#include "arguments.h"
 #include "particles.h"
 #include "picture.h"
 #include "vectors.h"
-#include <time.h>
-
 #include <time.h>
 
 enum {
@@ -172,6 +171,8 @@ int main(int argc, char **argv) {
     static float rgba[WIDTH * SIDE * 4];
     const ex_vec sun = ex_vec_unit(ex_vec_of(0.9, -0.6, -0.3));
     ex_error error;
+    const char *out = ex_out_file(argc, argv, "hair_ball.png");
+    if (!out) return EX_MISTAKEN;
     sps_context *context = sps_create(NULL, NULL);
     if (!context) return puts("out of memory"), EX_FAILED;
     grow();
@@ -180,7 +181,6 @@ int main(int argc, char **argv) {
         draw(rgba + (size_t)4 * SIDE * (size_t)panel, sun);
     }
     sps_destroy(context);
-    if (ex_write_picture(argc > 1 ? argv[1] : "hair_ball.png", rgba, WIDTH, SIDE, &error))
-        return puts(error.text), EX_FAILED;
+    if (ex_write_picture(out, rgba, WIDTH, SIDE, &error)) return puts(error.text), EX_FAILED;
     return EX_OK;
 }

@@ -817,7 +817,7 @@ typedef struct sps_probe_arrays {
     uint32_t start_canary; /* leave 0 */
     float *transmittance;  /* light_count * 3 per point: of gas and polygons, to each light; 1 without shadows */
     float *sky;            /* 3 per point: mean transmittance of gas and polygons */
-    float *l0;             /* 3 per point: mean radiance from gas, polygons and scene.ambient; not from lights */
+    float *l0;             /* 3 per point: mean radiance from gas, polygons, sky and ambient; not from lights */
     /* 9 per point: mean of that radiance times the unit vector towards where it comes from. x, y, z of red first. */
     float *l1;
     uint32_t end_canary; /* leave 0 */

@@ -4412,7 +4412,7 @@ typedef struct spsi_sky {
     float way[SPSI_SKY_TEXELS][3], share[SPSI_SKY_TEXELS], color[SPSI_SKY_TEXELS][3];
     float low[3];              /* minimum radiance, included in the frame's ambient light */
     float mean[3];             /* included in the materials' */
-    spsi_sky_parts even, rays; /* directions for irradiance: unoccluded; of rays */
+    spsi_sky_parts even, rays; /* directions for polygons' irradiance: unoccluded; of rays */
 } spsi_sky;
 
 /* Constant once built, except that >>shadows changes lights. */
@@ -5636,9 +5636,10 @@ SPSI_COLD sps_result spsi_sky_read(sps_context *context, spsi_frame *frame) {
         sky->mean[c] = (float)mean[c];
         frame->given.ambient[c] += sky->low[c];
     }
+    frame->sky = sky;
+    if (frame->meshes.count == 0) return SPS_OK;
     spsi_sky_spiral(sky, 2 * frame->view.sky_samples, &sky->rays);
     spsi_sky_spiral(sky, SPSI_SKY_RAYS, &sky->even);
-    frame->sky = sky;
     return SPS_OK;
 }
 
@@ -9027,7 +9028,7 @@ SPSI_COLD size_t spsi_light_grid_texels(const spsi_light_grid *grid) {
     return spsi_ray_count(&grid->rays[0]) * (size_t)grid->face_count;
 }
 
-/* Least and greatest depth of a box's corners, each along its face's axis. */
+/* Minimum and maximum depth of a box's corners, each along its face's axis. */
 SPSI_COLD void spsi_light_grid_depths(const spsi_light_grid *grid, const spsi_bounds *bounds, double depths[2]) {
     double point[3], q[3];
     depths[0] = HUGE_VAL, depths[1] = -HUGE_VAL;
@@ -20801,9 +20802,9 @@ static double spsi_sky_irradiance(const spsi_flight_place *place, const spsi_fli
     return nearest;
 }
 
-/* Irradiance that reaches a polygon straight. Returns a length over which it is smooth. */
-static double spsi_straight_irradiance(const spsi_flight_place *place, double irradiance[3]) {
-    const spsi_flights *flights = place->frame->content->flights;
+/* Adds irradiance from first flights (`flights` NULL: none) and the sky. Returns a length over which it is smooth. */
+static double spsi_straight_irradiance(const spsi_flight_place *place, const spsi_flights *flights,
+                                       double irradiance[3]) {
     double reach = flights ? spsi_flights_irradiance(place, flights, irradiance) : HUGE_VAL;
     if (place->frame->sky) reach = spsi_dmin(reach, spsi_sky_irradiance(place, flights, irradiance));
     return reach;
@@ -21956,7 +21957,7 @@ static void spsi_receive(const spsi_receive_job *job, const spsi_hit *hit, doubl
     spsi_surface_at(&content->eye, job->faces, hit, x, y, &surface);
     memcpy(to->point, surface.point, sizeof to->point);
     if (!spsi_normalise(surface.normal)) return;
-    to->reach = spsi_straight_irradiance(&place, irradiance);
+    to->reach = spsi_straight_irradiance(&place, content->flights, irradiance);
     for (int n = 0; n < content->cell_grid_count; ++n) {
         const spsi_cell_grid *grid = &content->cells[n];
         to->reach = spsi_dmin(to->reach, spsi_add_grid_irradiance(job->faces, grid, &surface, hit->face, irradiance));
@@ -23457,8 +23458,7 @@ static void spsi_cell_wall_fly(const spsi_cell_job *job, spsi_cell_wall *wall) {
     const spsi_flight_place place = {job->frame, job->faces, point, start, normal, -1};
     if (!spsi_cell_wall_mean(grid, wall, point, normal)) return;
     spsi_along(point, normal, 0.02 * grid->edge, start);
-    spsi_flights_irradiance(&place, job->flights, irradiance);
-    if (job->frame->sky) spsi_sky_irradiance(&place, job->flights, irradiance);
+    spsi_straight_irradiance(&place, job->flights, irradiance);
     SPSI_ROLLED for (int c = 0; c < grid->channels; ++c)
         wall->lit[c] += (float)((double)wall->color[c] * irradiance[c] / SPSI_PI);
 }
@@ -24432,7 +24432,8 @@ static uint64_t spsi_scattered_fingerprint(const sps_context *context, const sps
     const double knobs[] = {frame->view.slab_thickness, frame->accuracy.cut, frame->accuracy.shadow_texels,
                             frame->accuracy.flight_angle};
     const int sizes[] = {(int)frame->view.scattering,      frame->view.scattering_resolution, frame->channels,
-                         frame->accuracy.depth_map_texels, frame->view.shadow_resolution,  (int)frame->view.filling};
+                         frame->accuracy.depth_map_texels, frame->view.shadow_resolution,  (int)frame->view.filling,
+                         frame->view.sky_samples};
     uint64_t hash = spsi_gas_fingerprint(frame);
     if (!hash || (frame->meshes.count > 0 && !context->faces_held)) return 0;
     hash = spsi_fingerprint(hash, knobs, sizeof knobs);
@@ -24440,7 +24441,6 @@ static uint64_t spsi_scattered_fingerprint(const sps_context *context, const sps
     hash = spsi_fingerprint_word(hash, frame->meshes.count > 0 ? context->faces_held : 0);
     hash = spsi_fingerprint(hash, frame->given.ambient, sizeof frame->given.ambient);
     if (frame->sky) hash = spsi_fingerprint(hash, frame->sky->color, sizeof frame->sky->color);
-    if (frame->sky) hash = spsi_fingerprint(hash, &frame->sky->rays.count, sizeof frame->sky->rays.count);
     SPSI_ROLLED for (int i = 0; i < frame->medium_count; ++i)
         hash = spsi_fingerprint(hash, &frame->media[i].channel, sizeof(int));
     SPSI_ROLLED for (int i = 0; i < frame->particles.set_count; ++i)
@@ -29101,7 +29101,7 @@ static void spsi_probe_face(const spsi_prober *prober, spsi_probe_path *path) {
         spsi_probe_light(prober, &prober->frame->lights.whole[l], hit->face, 0, &at, lit);
     const spsi_flight_place place = {prober->frame, &prober->faces, at.point, at.start, at.normal, hit->face};
     const spsi_cell_receiver to = {at.point, at.normal, NULL, 1};
-    spsi_straight_irradiance(&place, lit);
+    spsi_straight_irradiance(&place, content->flights, lit);
     for (int n = 0; n < content->cell_grid_count; ++n) {
         double more[3] = {0, 0, 0};
         spsi_cells_irradiance(&content->cells[n], 0, content->cells->channels, &to, more);

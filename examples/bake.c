@@ -36,7 +36,7 @@ static const refusal for_maps_alone[] = {{"--convention", "bake cloud-shadow has
                                          {"--constants", "bake map has it"},
                                          {NULL, NULL}};
 
-/* Refuses the options of two lists, and those that no command has a use for. */
+/* Refuses the options of two lists, and those that mean nothing to any command. */
 static int check_refused(const arguments *all, const refusal *one, const refusal *other, const char *command,
                          ex_error *error) {
     const refusal *const lists[3] = {one, other, refused_by_all};
@@ -62,7 +62,7 @@ static int asks_for_help(const settings *given) {
     return 0;
 }
 
-/* Lists all options but those that check_refused refuses. */
+/* Lists the options that check_refused accepts. */
 static int help(const char *usage, const refusal *one, const refusal *other) {
     const refusal *const lists[3] = {one, other, refused_by_all};
     const char *left_out[OPTION_COUNT + 1] = {NULL};

@@ -20,7 +20,7 @@ static const char *const compression_names[] = {"zip", "none", NULL};
 /* An option that names a file. */
 typedef struct file_option {
     const char *name, *ending, *help; /* ending: what -o takes it for; NULL: nothing */
-    size_t offset;                    /* of its field in ex_results */
+    size_t offset;                    /* where ex_results has its field */
 } file_option;
 
 enum { FILE_OPTIONS = 5 };

@@ -21,8 +21,8 @@ static inline size_t ex_light_volume_count(const ex_light_volume *volume) {
     return (size_t)volume->count[0] * (size_t)volume->count[1] * (size_t)volume->count[2];
 }
 
-/* Fills a box with cells. `count` NULL: they are cubes, of which 32 lie along the longest side, and about the middle.
-   Otherwise they fit exactly; along a side without extent, they are as long as the longest edge of a cell. */
+/* Fills a box with cells. `count` NULL: cubes around the box's middle, 32 along the longest side. Otherwise they fit
+   exactly; along a side without extent, they are as long as the longest edge of a cell. */
 static inline int ex_light_volume_fit(const double lo[3], const double hi[3], const int *count, ex_light_volume *volume,
                                       ex_error *error) {
     double longest = 0, edge = 0;

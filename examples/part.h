@@ -21,12 +21,12 @@ enum { EX_PART_HEAD = 48, EX_PART_SIDE = 16384, EX_PART_TEXT = 1 << 20 /* the lo
 
 typedef struct ex_part {
     const char *path;
-    int width, height; /* of the whole picture */
+    int width, height; /* the whole picture's */
     int number, count;
     double screen_width;
     const char *build, *options; /* texts, whose sizes do not count a 0 at their end */
     size_t build_size, options_size;
-    uint32_t checksums[2]; /* of colors and depths */
+    uint32_t checksums[2]; /* colors', depths' */
     unsigned char *head;   /* memory of both texts, if they were read */
 } ex_part;
 
@@ -116,8 +116,8 @@ static inline uint32_t ex_arithmetic_checksum(void) {
 #define EX_PART_COMPILER "unknown"
 #endif
 
-/* Whatever changes bits of a picture, as lines, of which those come first that say most. Only Linux tells where the
-   program's own file is. */
+/* Lists all that changes bits of a picture, the most telling lines first. Only Linux tells where the program's own
+   file is. */
 static inline void ex_part_build(char *out, size_t size) {
     const int version = sps_version();
     uint32_t program = 0;

@@ -89,12 +89,6 @@ static int write_stats(const char *path, const sps_context *context, ex_error *e
 
 /* ================================================================================================= parts */
 
-/* Lines that say what was rendered. */
-typedef struct picture_text {
-    char *text;
-    size_t length, capacity;
-} picture_text;
-
 /* Adds a line, in which no other begins. */
 static void add_line(picture_text *lines, const char *text) {
     for (;; ++text) {
@@ -142,9 +136,10 @@ static int add_detached(picture_text *lines, const char *path, const char *detac
     return add_file(lines, "voxels of", detached, error);
 }
 
-/* Says all that decides what the picture looks like, before anything is read: files may change while it is rendered.
-   The caller frees the lines. */
-static int describe_picture(const arguments *all, picture_text *lines, ex_error *error) {
+/* Describes the picture by all that decides what it looks like, before anything is read: files may change while it is
+   rendered. */
+static int describe_picture(arguments *all, ex_error *error) {
+    picture_text *lines = &all->described;
     for (size_t i = 0; i < all->settings->count; ++i)
         if (add_setting_line(lines, &all->settings->list[i], error)) return 1;
     for (int i = 0; i < all->volume_count; ++i) {
@@ -161,8 +156,7 @@ static int describe_picture(const arguments *all, picture_text *lines, ex_error 
     return 0;
 }
 
-static int write_part(const arguments *all, const picture_text *lines, const ex_exr *picture, const sps_image *image,
-                      ex_error *error) {
+static int write_part(const arguments *all, const ex_exr *picture, const sps_image *image, ex_error *error) {
     char build[1000];
     ex_part part;
     memset(&part, 0, sizeof part);
@@ -172,7 +166,7 @@ static int write_part(const arguments *all, const picture_text *lines, const ex_
     part.screen_width = picture->screen_width;
     ex_part_build(build, sizeof build);
     part.build = build, part.build_size = strlen(build);
-    part.options = lines->text, part.options_size = lines->length;
+    part.options = all->described.text, part.options_size = all->described.length;
     return ex_write_part(&part, image->rgba, image->depth, error);
 }
 
@@ -187,8 +181,7 @@ static void choose_rows(arguments *all) {
 /* ============================================================================================ the program */
 
 /* Writes the picture, or the part of it. */
-static int write_picture(const arguments *all, const picture_text *lines, const sps_view *view, const sps_image *image,
-                         ex_error *error) {
+static int write_picture(const arguments *all, const sps_view *view, const sps_image *image, ex_error *error) {
     const ex_results files = {all->out, all->pfm, all->alpha_pfm, all->exr, all->radiance_hdr};
     ex_exr picture;
     memset(&picture, 0, sizeof picture);
@@ -198,19 +191,19 @@ static int write_picture(const arguments *all, const picture_text *lines, const 
     picture.screen_width = 2 * tan(0.5 * view->camera.field_of_view) * view->width / view->height;
     picture.is_float = strcmp(exr_type_names[all->exr_type], "float") == 0;
     picture.zip = strcmp(exr_compression_names[all->exr_compression], "zip") == 0;
-    if (has(all->given, "--part")) return write_part(all, lines, &picture, image, error);
+    if (has(all->given, "--part")) return write_part(all, &picture, image, error);
     return ex_write_results(&files, &picture, error);
 }
 
-static int write_files(const arguments *all, const picture_text *lines, const ex_session *session, const sps_view *view,
-                       const sps_image *image, ex_error *error) {
-    if (write_picture(all, lines, view, image, error)) return 1;
+static int write_files(const arguments *all, const ex_session *session, const sps_view *view, const sps_image *image,
+                       ex_error *error) {
+    if (write_picture(all, view, image, error)) return 1;
     return all->stats ? write_stats(all->stats, session->context, error) : 0;
 }
 
 /* Returns the exit status. */
-static int render(const arguments *all, const picture_text *lines, ex_session *session, const sps_scene *scene,
-                  const sps_view *view, ex_error *error) {
+static int render(const arguments *all, ex_session *session, const sps_scene *scene, const sps_view *view,
+                  ex_error *error) {
     sps_image image;
     sps_reference_settings reference;
     const size_t width = (size_t)(view->region[2] ? view->region[2] : view->width);
@@ -227,7 +220,7 @@ static int render(const arguments *all, const picture_text *lines, ex_session *s
     int status = EX_OK;
     if (result != SPS_OK)
         status = explain(all, session, result, error);
-    else if (write_files(all, lines, session, view, &image, error))
+    else if (write_files(all, session, view, &image, error))
         status = EX_MISTAKEN;
     if (result == SPS_OK && (all->budget_seconds > 0 || all->budget_error > 0) && !is_marched(all)) {
         sps_stats_report stats;
@@ -244,7 +237,7 @@ static int render(const arguments *all, const picture_text *lines, ex_session *s
 }
 
 /* Loads the scene, and plans or renders it. Returns the exit status. */
-static int run_checked(arguments *all, const picture_text *lines, const scene_arrays *arrays, ex_error *error) {
+static int run_checked(arguments *all, const scene_arrays *arrays, ex_error *error) {
     ex_session session;
     sps_scene scene;
     sps_view view;
@@ -254,8 +247,8 @@ static int run_checked(arguments *all, const picture_text *lines, const scene_ar
     tell_backgrounds(all);
     make_view(all, &view);
     if (ex_session_begin(&session, all->threads, error)) return EX_FAILED;
-    const int status = all->plan ? print_plan(all, &session, &scene, &view, error)
-                                 : render(all, lines, &session, &scene, &view, error);
+    const int status =
+        all->plan ? print_plan(all, &session, &scene, &view, error) : render(all, &session, &scene, &view, error);
     ex_session_end(&session);
     return status;
 }
@@ -290,7 +283,6 @@ static int list_grids(const arguments *all, ex_error *error) {
 static int run(arguments *all, ex_error *error) {
     static const char *const none[] = {NULL};
     scene_arrays arrays;
-    picture_text lines = {NULL, 0, 0};
     if (apply_settings(all, error)) return EX_MISTAKEN;
     if (all->help) {
         print_help(RENDER, "render [options]", none);
@@ -300,12 +292,11 @@ static int run(arguments *all, ex_error *error) {
     if (find_volumes(all, error) || check(all, error)) return EX_MISTAKEN;
     if (has(all->given, "--part")) {
         choose_rows(all);
-        if (describe_picture(all, &lines, error)) return free(lines.text), EX_MISTAKEN;
+        if (describe_picture(all, error)) return EX_MISTAKEN;
     }
     begin_scene(&arrays, all->settings);
-    const int status = run_checked(all, &lines, &arrays, error);
+    const int status = run_checked(all, &arrays, error);
     free_scene(&arrays);
-    free(lines.text);
     return status;
 }
 

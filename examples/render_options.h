@@ -115,6 +115,12 @@ typedef struct bake_arguments {
     const char *out[3], *surfaces, *constants;
 } bake_arguments;
 
+/* Lines that say what --part rendered. */
+typedef struct picture_text {
+    char *text;
+    size_t length, capacity;
+} picture_text;
+
 /* No list can be longer than the list of settings, so all have its length. The first volume, set of particles, mesh and
    light exist before --volume and so on, for options that come before it. */
 typedef struct arguments {
@@ -136,6 +142,7 @@ typedef struct arguments {
     double sky_turn, sky_scale;
     int sky_samples;
     ex_sky sky;
+    picture_text described;
     bake_arguments bake;
 } arguments;
 

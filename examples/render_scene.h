@@ -490,6 +490,7 @@ static inline void free_arguments(arguments *all) {
     for (int i = 0; i < all->particle_set_count; ++i) ex_particles_free(&all->particles[i].particles);
     for (int i = 0; i < all->light_count; ++i) ex_slide_free(&all->lights[i].slide);
     ex_sky_free(&all->sky);
+    free(all->described.text);
     free(all->particles);
     free(all->volumes);
     free(all->meshes);

@@ -19,8 +19,9 @@
 
        float light_left = mix(1.0, tmap_filtered(tmap_bound, place), tmap_fade(tmap_bound, place, 8.0));
 
-   In Mesa these differ by less than 1e-6 from sps_tmap_query on the same numbers. Moments are solved for in floats,
-   which moves some places of nearly singular ones by 4e-4.
+   In Mesa these are as near to sps_tmap_query, on the same numbers, as its filter's steps of 1/256 of a texel and the
+   rounding of u allow, to 1e-6 (tests/test_map_shaders.c). Moments are solved for in floats, which moves some places of
+   nearly singular ones by 4e-4.
 
    It reads every kind of map that its source holds. A shader that knows its map sets what it knows to constants, and
    the compiler drops the rest:

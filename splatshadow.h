@@ -1937,7 +1937,6 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_CELL_GRID,  /* >>cells */
     SPSI_BUFFER_CELL_JOB,   /* >>filling */
     SPSI_BUFFER_CELLS,      /* contents, incident light */
-    SPSI_BUFFER_CELL_TMAPS,
     SPSI_BUFFER_CELL_SOLVER,
     SPSI_BUFFER_CELL_WALLS,
     SPSI_BUFFER_CELL_MOMENTS, /* moments, and radiance towards the eye */
@@ -2050,7 +2049,6 @@ struct sps_context {
     int face_count;
     int tree_held;           /* 1: triangle tree is cached */
     int shadow_table_count;  /* kept from the last call, >>tmaps */
-    int cell_tmap_count;     /* kept for this call's sweeps, >>lighting */
     uint64_t cells_cached;   /* hash of the input of cached multiple scattering; 0: none */
     spsi_rates pace;         /* >>budget */
     spsi_bounds mesh_bounds; /* bounds of cached triangles */
@@ -4208,6 +4206,7 @@ typedef struct spsi_accuracy {
     double light_cut;     /* cut of classified volumes in light sheets */
     int light_points;     /* points per area light */
     double flight_angle;  /* maximum angle that an emitter node subtends, radians */
+    int cells_least;      /* minimum of cells along a grid's longest side */
 } spsi_accuracy;
 
 typedef struct spsi_particle_sets {
@@ -4272,6 +4271,7 @@ typedef struct spsi_cell_grid {
     int size[3], pitch;                 /* cells; entries per row */
     size_t count;                       /* per array */
     double corner[3], edge;             /* world units */
+    double longest;                     /* the grid's longest side */
     int orders, terms, channels;        /* harmonic orders, terms; colors */
     float lobes[SPSI_MATERIALS_MAX][4]; /* phase moments 0 to 3, minus peak */
     float peak[SPSI_MATERIALS_MAX];     /* fraction scattered straight ahead */
@@ -4284,7 +4284,7 @@ typedef struct spsi_cell_grid {
     float *moments;                     /* per channel and term, without ambient light */
     float *flown;   /* likewise, first flights alone; NULL: none, >>flights */
     float *trapped; /* per channel: trapped emission, then the first-flight light it replaces */
-    float *seen;    /* per material and channel: radiance towards the eye per scattering depth */
+    float *seen;    /* per material, cell and channel (4): radiance towards the eye per scattering depth */
     int flux_terms; /* terms of degrees 0 to 2; 0: no polygons */
     float *flux;    /* per channel and term: moments for lighting polygons */
     float *patches; /* geometry, flux and harmonics, >>cells */
@@ -4943,10 +4943,14 @@ SPSI_COLD void spsi_resolve_quality(spsi_frame *frame) {
     const double least_slab = frame->view.slab_thickness > 0 ? 0 : slab_pixels[looks][quality];
     const spsi_accuracy accuracy = {threshold[quality], texels[looks][quality],    least_texel,
                                     least_slab,         depth_map_texels[quality], cut[quality],
-                                    light_cut[quality], light_points[quality],     flight_angle[quality]};
+                                    light_cut[quality], light_points[quality],     flight_angle[quality],
+                                    frame->view.scattering_resolution};
     frame->accuracy = accuracy;
     if (!(frame->view.slab_thickness > 0)) frame->view.slab_thickness = slab[looks][quality];
-    if (frame->view.scattering_resolution == 0) frame->view.scattering_resolution = cells[quality];
+    if (frame->view.scattering_resolution == 0) {
+        frame->view.scattering_resolution = cells[quality];
+        frame->accuracy.cells_least = cells[quality] / 3;
+    }
     if (!(frame->view.scattering_tolerance > 0)) frame->view.scattering_tolerance = 0.01f;
     if (frame->view.sky_samples == 0) frame->view.sky_samples = sky_samples[quality];
 }
@@ -6677,13 +6681,19 @@ SPSI_COLD void spsi_bound_range(const spsi_bound_grid *grid, const spsi_bounds *
     }
 }
 
+/* Maximum extinction up to each entry of a material's table, kept from brick to brick. */
+typedef struct spsi_table_maxima {
+    const spsi_material *material;
+    float most[SPSI_TABLE_SIZE + 1];
+} spsi_table_maxima;
+
 /* Maximum extinction for values up to the brick's maximum, which kernel sums do not exceed. */
-SPSI_COLD float spsi_brick_extinction(const spsi_material *material, const spsi_brick *brick) {
-    float extinction = 0;
+SPSI_COLD float spsi_brick_extinction(const spsi_material *material, const spsi_brick *brick, spsi_table_maxima *maxima) {
     if (!material->table) return brick->most * material->extinction;
-    for (int i = 0; i <= SPSI_TABLE_SIZE && (float)(i - 1) <= brick->most * material->table_scale; ++i)
-        extinction = spsi_fmax(extinction, material->table->entry[i][3]);
-    return extinction;
+    for (int i = 0; i <= SPSI_TABLE_SIZE && maxima->material != material; ++i)
+        maxima->most[i] = spsi_fmax(i > 0 ? maxima->most[i - 1] : 0, material->table->entry[i][3]);
+    maxima->material = material;
+    return maxima->most[(int)spsi_fmin(ceilf(brick->most * material->table_scale), SPSI_TABLE_SIZE)];
 }
 
 /* Adds a particle's maximum extinction in each cell, capped at its optical depth / cell edge. Returns 0 if it covers
@@ -6719,12 +6729,14 @@ SPSI_COLD int spsi_bound_add_particle(const spsi_bound_grid *grid, const spsi_pa
 SPSI_COLD void spsi_bound_add_volumes(const sps_context *context, const spsi_frame *frame,
                                       const spsi_bound_grid *grid) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
+    spsi_table_maxima maxima;
+    maxima.material = NULL;
     for (int i = 0; i < context->brick_count;) {
         const int medium = bricks[i].lattice;
         const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
         memset(grid->own, 0, SPSI_BOUND_CELLS * sizeof *grid->own);
         for (; i < context->brick_count && bricks[i].lattice == medium; ++i) {
-            const float extinction = spsi_brick_extinction(material, &bricks[i]);
+            const float extinction = spsi_brick_extinction(material, &bricks[i], &maxima);
             int low[3], high[3];
             spsi_bounds box;
             spsi_brick_bounds(frame, &bricks[i], &box);
@@ -14220,7 +14232,6 @@ typedef struct spsi_tmap_data {
 /* A light's shadow table: optical depth at evenly spaced planes, packed in adjacent pairs. */
 typedef struct spsi_shadow_table {
     int light;          /* light index */
-    int waits;          /* 1: made for the cells, reserved for a sweep */
     int planes;
     float end;          /* maximum optical depth */
     spsi_light_grid grid;
@@ -18045,19 +18056,6 @@ SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const sp
     return SPS_OK;
 }
 
-/* Takes over a table made for the cells; returns 0 if none. */
-SPSI_COLD int spsi_shadow_table_of_cells(sps_context *context, const spsi_light *light, spsi_shadow_table *table) {
-    spsi_shadow_table *tables = (spsi_shadow_table *)context->buffers[SPSI_BUFFER_CELL_TMAPS].data;
-    for (int i = 0; i < context->cell_tmap_count; ++i) {
-        if (tables[i].light != light->index || !tables[i].waits) continue;
-        *table = tables[i];
-        table->waits = 0;
-        memset(&tables[i], 0, sizeof tables[i]);
-        return 1;
-    }
-    return 0;
-}
-
 SPSI_COLD sps_result spsi_shadow_table_make(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                             const spsi_call_stage *part, spsi_shadow_table *table) {
     if (table->pairs.data) return SPS_OK;
@@ -18083,8 +18081,7 @@ SPSI_COLD sps_result spsi_shadow_tables_build(sps_context *context, const spsi_f
         const spsi_light *light = shadows[i].light;
         if (!light->has_map) continue;
         shadows[i].table = next;
-        if ((!spsi_shadow_table_of_cells(context, light, next) &&
-             spsi_shadow_table_begin(context, frame, light, gas, next)) ||
+        if (spsi_shadow_table_begin(context, frame, light, gas, next) ||
             spsi_shadow_table_make(context, frame, light, &part, next))
             return context->result;
         part.progress += part.share;
@@ -18388,6 +18385,7 @@ typedef struct spsi_cell_solver {
     sps_context *context;
     spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
     int orders, terms, level_count;
+    int taken; /* terms of moments in a sweep: `terms`, or more for polygons */
     spsi_cell_level levels[SPSI_CELL_LEVELS];
     float *scratch;  /* radiance of rows and planes */
     double *balance; /* per plane of cells: sums of |residual| and |source| */
@@ -18624,14 +18622,14 @@ static void spsi_cell_rows_follow(const spsi_cell_sweep *sweep, int pair, int y,
         }
 }
 
-/* Sweeps a row. The first directions overwrite the moments. */
-static inline void spsi_cell_row_of(const spsi_cell_beams *beams, size_t row, float *moments, int terms) {
+/* Sweeps a row. The first directions overwrite the moments, `taken` of them. */
+static inline void spsi_cell_row_of(const spsi_cell_beams *beams, size_t row, float *moments, int terms, int taken) {
     const spsi_cell_level *level = beams->sweep->level;
     for (size_t at = row; at < row + (size_t)level->pitch; at += SPSI_LANES) {
         spsi_v sent[SPSI_CELL_TERMS], sum[SPSI_CELL_TERMS];
-        for (int t = 0; t < terms; ++t) {
+        for (int t = 0; t < taken; ++t) {
             const size_t term = (size_t)t * level->count + at;
-            sent[t] = spsi_load(level->sent + term);
+            if (t < terms) sent[t] = spsi_load(level->sent + term);
             sum[t] = beams->first > 0 ? spsi_load(moments + term) : spsi_set(0);
         }
         SPSI_ROLLED for (int i = beams->first; i < beams->end; ++i) {
@@ -18644,9 +18642,9 @@ static inline void spsi_cell_row_of(const spsi_cell_beams *beams, size_t row, fl
             spsi_store(beams->out[i] + (at - row), spsi_fma(more, through, s));
             s = spsi_mul(spsi_fma(more, average, s), spsi_set(direction->weight));
             sum[0] = spsi_add(sum[0], s);
-            for (int t = 1; t < terms; ++t) sum[t] = spsi_fma(s, spsi_set(direction->harmonic[t]), sum[t]);
+            for (int t = 1; t < taken; ++t) sum[t] = spsi_fma(s, spsi_set(direction->harmonic[t]), sum[t]);
         }
-        for (int t = 0; t < terms; ++t) spsi_store(moments + (size_t)t * level->count + at, sum[t]);
+        for (int t = 0; t < taken; ++t) spsi_store(moments + (size_t)t * level->count + at, sum[t]);
     }
 }
 
@@ -18654,7 +18652,7 @@ static void spsi_cell_sweep_row_at(spsi_cell_beams *beams, int y, int z, float *
     const spsi_cell_sweep *sweep = beams->sweep;
     const spsi_cell_level *level = sweep->level;
     const size_t row = (size_t)(z * level->size[1] + y) * (size_t)level->pitch;
-    const int terms = level->solver->terms;
+    const int terms = level->solver->terms, taken = level->solver->taken;
     float *own[SPSI_CELL_SWEPT];
     for (int i = beams->first; i < beams->end; ++i) {
         own[i] = sweep->rows + (size_t)i * spsi_cell_row_floats(level);
@@ -18664,9 +18662,10 @@ static void spsi_cell_sweep_row_at(spsi_cell_beams *beams, int y, int z, float *
         if (sweep->directions[i]->follows && sweep->directions[i]->step[0] > 0)
             spsi_cell_rows_follow(sweep, i - 1, y, z, &own[i - 1]);
     }
-    if (terms == 1) spsi_cell_row_of(beams, row, moments, 1);
-    if (terms == 4) spsi_cell_row_of(beams, row, moments, 4);
-    if (terms == SPSI_CELL_TERMS) spsi_cell_row_of(beams, row, moments, SPSI_CELL_TERMS);
+    if (terms == 1 && taken == 1) spsi_cell_row_of(beams, row, moments, 1, 1);
+    if (terms == 1 && taken == 4) spsi_cell_row_of(beams, row, moments, 1, 4);
+    if (terms == 4) spsi_cell_row_of(beams, row, moments, 4, 4);
+    if (terms == SPSI_CELL_TERMS) spsi_cell_row_of(beams, row, moments, SPSI_CELL_TERMS, SPSI_CELL_TERMS);
     for (int i = beams->first; i < beams->end && level->outside; ++i)
         spsi_cell_row_end(sweep, i, row, beams->out[i]);
 }
@@ -18702,7 +18701,7 @@ static void spsi_cells_sweep_task(void *data, int index) {
 static void spsi_cells_add_task(void *data, int z) {
     const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t plane = (size_t)(level->size[1] * level->pitch);
-    for (int t = 0; t < level->solver->terms; ++t) {
+    for (int t = 0; t < level->solver->taken; ++t) {
         float *sum = level->moments[0] + (size_t)t * level->count + (size_t)z * plane;
         const float *more = level->moments[1] + (size_t)t * level->count + (size_t)z * plane;
         for (size_t at = 0; at < plane; at += SPSI_LANES)
@@ -18979,7 +18978,7 @@ static void spsi_cells_viewer_task(void *data, int row) {
                 float sum = 0;
                 for (int l = 0; l < grid->orders; ++l) sum += grid->lobes[m][l] * degree[l];
                 if (grid->flown) sum += spsi_cell_flown(look, m, toward, c, at);
-                grid->seen[(size_t)(m * grid->channels + c) * grid->count + at] = spsi_fmax(sum, 0);
+                grid->seen[4 * ((size_t)m * grid->count + at) + (size_t)c] = spsi_fmax(sum, 0);
             }
         }
     }
@@ -19001,8 +19000,9 @@ static float spsi_cells_extrapolated(const spsi_cell_grid *grid, const float *se
                 if (!(grid->depth[next] > 0)) continue;
                 for (int k = 0; k < 3; ++k) ends |= last[k] < 0 || last[k] >= size[k];
                 count[aside] += 1;
-                sum[aside] += seen[next];
-                if (!ends && grid->depth[beyond] > 0) sum[0] += spsi_fmax(seen[next] - seen[beyond], -seen[next]);
+                sum[aside] += seen[4 * next];
+                if (!ends && grid->depth[beyond] > 0)
+                    sum[0] += spsi_fmax(seen[4 * next] - seen[4 * beyond], -seen[4 * next]);
             }
     return count[0] > 0 ? sum[0] / (float)count[0] : count[1] > 0 ? sum[1] / (float)count[1] : 0;
 }
@@ -19016,8 +19016,8 @@ static void spsi_cells_extrapolate_task(void *data, int row) {
     SPSI_ROLLED for (at[0] = 0; at[0] < grid->size[0]; ++at[0]) {
         const size_t cell = (size_t)row * (size_t)grid->pitch + (size_t)at[0];
         for (int i = 0; i < count && !(grid->depth[cell] > 0); ++i) {
-            float *seen = grid->seen + (size_t)i * grid->count;
-            seen[cell] = spsi_cells_extrapolated(grid, seen, at);
+            float *seen = grid->seen + 4 * (size_t)(i / grid->channels) * grid->count + i % grid->channels;
+            seen[4 * cell] = spsi_cells_extrapolated(grid, seen, at);
         }
     }
 }
@@ -19374,7 +19374,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
         at[axis] = end + outward * spsi_dmax(beyond, nearest);
         square += (at[axis] - end) * (at[axis] - end);
         for (int k = 0; k < 2; ++k)
-            parts[k] = (int)spsi_dmin(ceil(0.0625 * SPSI_CELL_PATCHES * from.extent[from.along[k]] / sqrt(square)),
+            parts[k] = (int)spsi_dmin(ceil(0.03125 * SPSI_CELL_PATCHES * from.extent[from.along[k]] / sqrt(square)),
                                    to->parts);
         spsi_set3(at, from.at);
         for (int k = 0; k < 3; ++k) middle[k] = spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET), from.at[k]);
@@ -19444,17 +19444,33 @@ static void spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, int c
     }
 }
 
-static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int channel, const spsi_v at[3]) {
-    const float *seen = grid->seen + (size_t)(material * grid->channels + channel) * grid->count;
-    const int rows = grid->size[1] * grid->size[2];
-    const spsi_v zero = spsi_set(0), last_plane = spsi_set((float)(grid->size[2] - 1));
-    const spsi_v x = spsi_clamp(at[0], zero, spsi_set((float)(grid->size[0] - 1)));
-    const spsi_v y = spsi_clamp(at[1], zero, spsi_set((float)(grid->size[1] - 1)));
-    const spsi_v z = spsi_clamp(at[2], zero, last_plane), plane = spsi_floor(z);
-    const spsi_v next = spsi_min(spsi_add(plane, spsi_set(1)), last_plane), height = spsi_set((float)grid->size[1]);
-    const spsi_v a = spsi_bilinear(seen, grid->pitch, spsi_imax(2, rows), x, spsi_fma(plane, height, y));
-    const spsi_v b = spsi_bilinear(seen, grid->pitch, spsi_imax(2, rows), x, spsi_fma(next, height, y));
-    return spsi_mix(a, b, spsi_sub(z, plane));
+/* Interpolates the radiance towards the eye in some lanes, all channels at once. Others are undefined. */
+static void spsi_cells_lookup(const spsi_cell_grid *grid, int material, const spsi_v at[3], int bits, spsi_v seen[4]) {
+    const float *first = grid->seen + 4 * (size_t)material * grid->count;
+    const size_t pitch = 4 * (size_t)grid->pitch, up = grid->size[1] > 1 ? pitch : 0;
+    const size_t on = grid->size[2] > 1 ? pitch * (size_t)grid->size[1] : 0;
+    float cells[3][SPSI_LANES], weights[8][SPSI_LANES], sums[4 * SPSI_LANES] = {0};
+    spsi_v share[3][2];
+    for (int k = 0; k < 3; ++k) {
+        const spsi_v place = spsi_clamp(at[k], spsi_set(0), spsi_set((float)(grid->size[k] - 1)));
+        const spsi_v low = spsi_min(spsi_floor(place), spsi_set((float)spsi_imax(grid->size[k] - 2, 0)));
+        spsi_store(cells[k], low);
+        share[k][1] = spsi_sub(place, low);
+        share[k][0] = spsi_sub(spsi_set(1), share[k][1]);
+    }
+    for (int i = 0; i < 8; ++i)
+        spsi_store(weights[i], spsi_mul(share[0][i & 1], spsi_mul(share[1][i >> 1 & 1], share[2][i >> 2])));
+    for (; bits; bits &= bits - 1) {
+        const int lane = spsi_lowest_bit(bits);
+        const size_t row = (size_t)cells[2][lane] * (size_t)grid->size[1] + (size_t)cells[1][lane];
+        const float *low = first + pitch * row + 4 * (size_t)cells[0][lane];
+        spsi_four sum = spsi_four_scale(weights[0][lane], spsi_four_load(low));
+        for (int i = 1; i < 8; ++i)
+            sum = spsi_four_add(weights[i][lane],
+                                spsi_four_load(low + 4 * (i & 1) + up * (size_t)(i >> 1 & 1) + on * (size_t)(i >> 2)), sum);
+        spsi_four_store(sums + 4 * lane, sum);
+    }
+    spsi_lookup_four(sums, spsi_iota(), seen);
 }
 
 /* ============================================================================================== >>flights
@@ -21690,11 +21706,15 @@ static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels
     const spsi_v gas = spsi_mul(sample->depth, spsi_sub(spsi_set(1), sample->surface));
     const spsi_v straight = spsi_mean_transmittance(start, end), zero = spsi_set(0);
     const float peak = grid->peak[m];
+    const int bits = spsi_bits(spsi_and(place->here, spsi_less(zero, gas)));
+    spsi_v cells[4];
+    if (!bits) return;
+    spsi_cells_lookup(grid, m, place->at, bits, cells);
     for (int c = 0; c < frame->channels; ++c) {
         const spsi_v scale = spsi_sub(spsi_set(1), spsi_mul(sample->color[c], spsi_set(peak)));
-        const spsi_v seen = spsi_mean_transmittance(spsi_mul(scale, start), spsi_mul(scale, end));
-        const spsi_v light = spsi_mul(sample->color[c], spsi_cells_lookup(grid, m, c, place->at));
-        spsi_v sent = spsi_mul(gas, spsi_mul(light, seen));
+        spsi_v seen = straight, sent;
+        if (peak > 0) seen = spsi_mean_transmittance(spsi_mul(scale, start), spsi_mul(scale, end));
+        sent = spsi_mul(gas, spsi_mul(spsi_mul(sample->color[c], cells[c]), seen));
         if (peak > 0) {
             const spsi_v emitted = spsi_sample_emission(material, sample, c);
             sent = spsi_fma(spsi_mul(gas, p->behind[c]), spsi_sub(straight, spsi_mul(scale, seen)), sent);
@@ -22005,7 +22025,8 @@ static int spsi_receive_even(spsi_receive_tile *tile, const spsi_hit *hit, int x
         spsi_along(a->point, b->point, -1, across);
         if (!(spsi_length(across) <= middle->reach)) return 0;
         for (int c = 0; c < 3; ++c) {
-            const float least = spsi_fmin(a->irradiance[c], b->irradiance[c]);
+            const float ambient = (float)SPSI_PI * tile->job->frame->given.ambient[c];
+            const float least = spsi_fmin(a->irradiance[c], b->irradiance[c]) + ambient;
             const float mean = 0.5f * (a->irradiance[c] + b->irradiance[c]);
             if (!(fabsf(middle->irradiance[c] - mean) <= 0.03f * least)) return 0;
         }
@@ -22808,7 +22829,6 @@ typedef struct spsi_cell_job {
     const spsi_frame *frame;
     const spsi_faces *faces;
     spsi_cell_grid *grid;
-    spsi_bounds bounds;   /* medium in the grid */
     int later;            /* 1: reuse an earlier grid's depth and translucency maps */
     int fine;             /* sheet samples per half cell edge */
     spsi_sampling sheets; /* stacked along z */
@@ -22818,6 +22838,7 @@ typedef struct spsi_cell_job {
     float *lit;           /* per grid light and channel: degree 0 of `incoming` */
     float *incoming;      /* per channel and term: moments of the lights' radiance */
     spsi_flights *flights;
+    const spsi_cell_grid *grids;
     int grid_count;
     spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
     spsi_cell_wall *walls; /* per cell; NULL: no polygons */
@@ -22826,7 +22847,6 @@ typedef struct spsi_cell_job {
     spsi_sweep sweep;
     spsi_cell_solver *solver;
     int channel;  /* being solved */
-    uint64_t gas; /* fingerprint of the medium */
 } spsi_cell_job;
 
 /* --- placing grids --- */
@@ -22834,8 +22854,14 @@ typedef struct spsi_cell_job {
 #define SPSI_GROUPS_MOST  64  /* maximum number of groups */
 #define SPSI_GROUPS_APART 2.0 /* minimum gap between grids, relative to their longest side */
 
+/* Sums over the medium: extinction, and its square. */
+typedef struct spsi_gas_group {
+    spsi_bounds bounds;
+    double sum, squares;
+} spsi_gas_group;
+
 typedef struct spsi_groups {
-    spsi_bounds list[SPSI_GROUPS_MOST];
+    spsi_gas_group list[SPSI_GROUPS_MOST];
     int count;
 } spsi_groups;
 
@@ -22849,59 +22875,89 @@ SPSI_COLD double spsi_groups_apart(const spsi_bounds *a, const spsi_bounds *b) {
     return sqrt(square) / spsi_dmax(spsi_dmax(spsi_bounds_longest(a), spsi_bounds_longest(b)), DBL_MIN);
 }
 
+SPSI_COLD void spsi_gas_group_join(const spsi_gas_group *other, spsi_gas_group *group) {
+    spsi_bounds_join(&group->bounds, &other->bounds);
+    group->sum += other->sum;
+    group->squares += other->squares;
+}
+
 SPSI_COLD int spsi_groups_join(spsi_groups *groups, double far_apart) {
     int pair[2] = {-1, -1};
     for (int i = 0; i < groups->count; ++i)
         for (int k = 0; k < i; ++k) {
-            const double apart = spsi_groups_apart(&groups->list[i], &groups->list[k]);
+            const double apart = spsi_groups_apart(&groups->list[i].bounds, &groups->list[k].bounds);
             if (!(apart < far_apart)) continue;
             far_apart = apart;
             pair[0] = k;
             pair[1] = i;
         }
     if (pair[0] < 0) return 0;
-    spsi_bounds_join(&groups->list[pair[0]], &groups->list[pair[1]]);
+    spsi_gas_group_join(&groups->list[pair[1]], &groups->list[pair[0]]);
     groups->list[pair[1]] = groups->list[--groups->count];
     return 1;
 }
 
-SPSI_COLD void spsi_groups_add(spsi_groups *groups, const spsi_bounds *box) {
+SPSI_COLD void spsi_groups_add(spsi_groups *groups, spsi_bounds bounds, double extinction, double volume) {
+    const spsi_gas_group group = {bounds, extinction * volume, extinction * extinction * volume};
     for (int i = 0; i < groups->count; ++i)
-        if (spsi_groups_apart(&groups->list[i], box) < SPSI_GROUPS_APART) {
-            spsi_bounds_join(&groups->list[i], box);
+        if (spsi_groups_apart(&groups->list[i].bounds, &bounds) < SPSI_GROUPS_APART) {
+            spsi_gas_group_join(&group, &groups->list[i]);
             return;
         }
     if (groups->count == SPSI_GROUPS_MOST) spsi_groups_join(groups, HUGE_VAL);
-    groups->list[groups->count++] = *box;
+    groups->list[groups->count++] = group;
 }
 
 /* Groups bricks and particles. Light between groups is ignored: of the light leaving a square, 0.069 reaches an equal,
    parallel one SPSI_GROUPS_APART sides away, 0.046 at 2.5. */
 SPSI_COLD void spsi_groups_build(const sps_context *context, const spsi_frame *frame, spsi_groups *groups) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
+    spsi_table_maxima maxima;
     groups->count = 0;
+    maxima.material = NULL;
     for (int i = 0; i < context->brick_count; ++i) {
+        const spsi_lattice *lattice = &frame->lattices[bricks[i].lattice];
+        const spsi_material *material = &frame->matter.materials[frame->media[lattice->medium].channel];
+        const double extinction = material->carries ? 0 : (double)spsi_brick_extinction(material, &bricks[i], &maxima);
         spsi_bounds box;
         spsi_brick_bounds(frame, &bricks[i], &box);
-        if (!spsi_bounds_empty(&box)) spsi_groups_add(groups, &box);
+        if (!spsi_bounds_empty(&box))
+            spsi_groups_add(groups, box, extinction, bricks[i].count * lattice->voxel_volume);
     }
     for (int i = 0; i < frame->content->particle_count; ++i) {
+        const spsi_particle *particle = &frame->content->particles[i];
+        const double radius = (double)particle->radius;
         spsi_bounds box;
-        spsi_particle_bounds(&frame->content->particles[i], &box);
-        spsi_groups_add(groups, &box);
+        spsi_particle_bounds(particle, &box);
+        spsi_groups_add(groups, box, (double)particle->optical_depth / radius, radius * radius * radius);
     }
     while (spsi_groups_join(groups, groups->count > SPSI_CELL_GRIDS ? HUGE_VAL : SPSI_GROUPS_APART)) continue;
 }
 
-SPSI_COLD int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bounds, spsi_cell_grid *grid) {
-    const double longest = spsi_bounds_longest(bounds);
+/* Cells along the longest side. They must resolve the optical depth along it, at the medium's mean extinction weighted by
+   mass: their number grows with its root. Cells need not be smaller than three pixels. Multiples of 4 keep most moving
+   cameras' cells. */
+SPSI_COLD int spsi_cells_across(const spsi_frame *frame, const spsi_gas_group *group) {
+    const int most = frame->view.scattering_resolution, least = frame->accuracy.cells_least;
+    const double longest = spsi_bounds_longest(&group->bounds);
+    const double depth = group->sum > 0 ? group->squares / group->sum * longest : 0;
+    const spsi_rays *eye = &frame->content->eye;
+    double wanted = most * sqrt(depth / 42), to[3], pixel;
+    if (least == most || frame->matter.emits) return most;
+    for (int k = 0; k < 3; ++k) to[k] = 0.5 * (group->bounds.low[k] + group->bounds.high[k]) - eye->origin[k];
+    pixel = frame->every_light ? 0 : spsi_pixel_size_at(eye, spsi_length(to) / spsi_length(eye->c));
+    if (pixel > 0) wanted = spsi_dmin(wanted, most / 144.0 * longest / pixel);
+    return (int)spsi_dmax(least, spsi_dmin(4 * ceil(0.25 * wanted), most));
+}
+
+SPSI_COLD int spsi_cells_place(const spsi_bounds *bounds, int across, spsi_cell_grid *grid) {
     memset(grid, 0, sizeof *grid);
-    if (!(longest > 0)) return 0;
-    grid->edge = longest / frame->view.scattering_resolution;
+    grid->longest = spsi_bounds_longest(bounds);
+    if (!(grid->longest > 0)) return 0;
+    grid->edge = grid->longest / across;
     for (int k = 0; k < 3; ++k) {
         const double extent = bounds->high[k] - bounds->low[k];
-        grid->size[k] =
-            spsi_imax(1, spsi_imin(frame->view.scattering_resolution, (int)ceil(extent / grid->edge - 1e-6)));
+        grid->size[k] = spsi_imax(1, spsi_imin(across, (int)ceil(extent / grid->edge - 1e-6)));
         grid->corner[k] = 0.5 * (bounds->low[k] + bounds->high[k] - grid->edge * grid->size[k]);
     }
     return 1;
@@ -22910,9 +22966,9 @@ SPSI_COLD int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bound
 SPSI_COLD void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
     grid->pitch = spsi_cell_pitch(grid->size[0]);
     grid->count = spsi_cell_stride((size_t)grid->pitch * (size_t)spsi_imax(2, grid->size[1] * grid->size[2]));
-    grid->orders = frame->meshes.count > 0 ? spsi_imax(2, frame->matter.orders) : frame->matter.orders;
+    grid->orders = frame->matter.orders;
     grid->terms = grid->orders * grid->orders;
-    grid->flux_terms = frame->meshes.count > 0 ? spsi_imin(9, grid->terms) : 0;
+    grid->flux_terms = frame->meshes.count == 0 ? 0 : grid->orders > 2 ? 9 : 4;
     grid->channels = frame->channels;
     for (int m = 0; m < frame->matter.material_count; ++m) {
         const spsi_material *material = &frame->matter.materials[m];
@@ -23137,7 +23193,7 @@ static void spsi_cone_ray(const spsi_light *light, double versine, double turn, 
    cross. */
 SPSI_COLD double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *light, int to_polygons) {
     const spsi_cell_grid *grid = job->grid;
-    const double versine = light->cone.none, longest = grid->edge * job->frame->view.scattering_resolution;
+    const double versine = light->cone.none, longest = grid->longest;
     double to[3];
     spsi_ray ray;
     spsi_hit hit;
@@ -23149,56 +23205,95 @@ SPSI_COLD double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *li
     return spsi_dmax(0, spsi_dmin(2 - 16 * sqrt(versine * (2 - versine)) / (1 - versine) * ray.high / longest, 1));
 }
 
-#define SPSI_CELL_TEXELS_MOST 256 /* exceeded only to keep two per cell edge */
+/* Rays from places relative to a grid's corner. */
+typedef struct spsi_cell_path {
+    spsi_v place[3], way[3], range[2]; /* unit vectors; distances */
+    int even; /* 1: lanes are neighbours in a row, and parallel */
+} spsi_cell_path;
 
-/* Texels along a table's longer side: four per cell edge. Depth is convex where the medium begins, but interpolated
-   linearly. In a dense cloud, two lose 1 % of multiple scattering, four a quarter of that at equal cost. */
-SPSI_COLD int spsi_cell_texels(const spsi_frame *frame) {
-    const int cells = frame->view.scattering_resolution;
-    return spsi_imax(16, spsi_imin(4 * cells, spsi_imax(SPSI_CELL_TEXELS_MOST, 2 * cells)));
+/* An array's entries at one step, of all lanes. */
+static inline spsi_v spsi_cells_entry(const float *depth, int pitch, const int size[3], const spsi_v at[3], int even) {
+    const spsi_v zero = spsi_set(0), y = spsi_clamp(at[1], zero, spsi_set((float)(size[1] - 1)));
+    const spsi_v z = spsi_clamp(at[2], zero, spsi_set((float)(size[2] - 1)));
+    const spsi_v row = spsi_fma(z, spsi_set((float)size[1]), y);
+    const int x = even ? (int)spsi_one(at[0]) : -1;
+    if (x >= 0 && x + SPSI_LANES <= pitch) return spsi_load(depth + (size_t)spsi_one(row) * (size_t)pitch + x);
+    return spsi_lookup(depth, pitch, spsi_clamp(at[0], zero, spsi_set((float)(size[0] - 1))), row);
 }
 
-/* `served`: bounds of the medium to cover; NULL: all. */
-SPSI_COLD void spsi_cells_map_light(int texels, const spsi_bounds *served, spsi_light *light) {
-    light->map_bounds = served;
-    memset(&light->map, 0, sizeof light->map);
-    light->map.technique = SPS_TMAP_TABLE;
-    light->map_size = texels;
-    light->has_map = 1;
-    light->sliced = 0;
-}
-
-/* A light's own table, made for the sweeps, may already be filled. Lights without one get a coarse one. */
-SPSI_COLD sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_light *light, const spsi_call_stage *part,
-                                      spsi_shadow *shadow, spsi_shadow_table *table) {
-    shadow->light = light;
-    shadow->table = table;
-    if (table->waits) return SPS_OK;
-    if (!spsi_has_shadow_table(light)) {
-        spsi_light coarse = *light;
-        spsi_cells_map_light(spsi_cell_texels(job->frame), &job->bounds, &coarse);
-        if (!spsi_shadow_table_aim(job->context, job->frame, &coarse, table))
-            spsi_shadow_table_fill(job->context, job->frame, &coarse, 1, part, table);
-    } else if (!spsi_shadow_table_begin(job->context, job->frame, light, job->gas, table)) {
-        table->waits = !spsi_shadow_table_make(job->context, job->frame, light, part, table);
+/* Optical depth along paths, in steps of one of `fine` entries per cell edge; half of the entry where a path begins.
+   Stops beyond `enough`. */
+static spsi_v spsi_cells_march(const spsi_cell_grid *grid, const float *depth, int fine, const spsi_cell_path *path,
+                               float enough) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f), least = spsi_set(1e-20f);
+    const spsi_v unit = spsi_set((float)(fine / grid->edge));
+    const int size[3] = {fine * grid->size[0], fine * grid->size[1], fine * grid->size[2]};
+    spsi_v enter = spsi_mul(path->range[0], unit), leave = spsi_mul(path->range[1], unit), from[3], sum = zero, t;
+    for (int k = 0; k < 3; ++k) {
+        const spsi_v way = spsi_select(spsi_less(spsi_abs(path->way[k]), least), least, path->way[k]);
+        from[k] = spsi_mul(path->place[k], unit);
+        const spsi_v low = spsi_div(spsi_sub(zero, from[k]), way);
+        const spsi_v high = spsi_div(spsi_sub(spsi_set((float)size[k]), from[k]), way);
+        enter = spsi_max(enter, spsi_min(low, high));
+        leave = spsi_min(leave, spsi_max(low, high));
     }
-    return job->context->result;
+    const spsi_m later = spsi_less(zero, enter);
+    spsi_v share = spsi_select(later, zero, spsi_clamp(leave, zero, half));
+    for (t = zero;;) {
+        spsi_v at[3];
+        for (int k = 0; k < 3; ++k) at[k] = spsi_floor(spsi_fma(path->way[k], t, from[k]));
+        sum = spsi_fma(share, spsi_cells_entry(depth, fine * grid->pitch, size, at, path->even), sum);
+        t = spsi_select(spsi_less(zero, t), spsi_add(t, one), spsi_add(enter, spsi_select(later, half, one)));
+        share = spsi_clamp(spsi_add(spsi_sub(leave, t), half), zero, one);
+        if (!spsi_bits(spsi_and(spsi_less(zero, share), spsi_less(sum, spsi_set(enough))))) return sum;
+    }
 }
 
-/* Depth maps, translucency maps and a light's own table are valid for all grids. */
-SPSI_COLD sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_call_stage *part, spsi_shadow_table *tables) {
+#define SPSI_CELL_DARK 12 /* light beyond this optical depth is ignored: 6e-6 */
+#define SPSI_CELL_NEAR 4  /* edges marched through samples if rays are not parallel, or start in no row */
+
+/* Optical depth of the medium towards a light. `samples`: 1: places are a row of samples. */
+static spsi_v spsi_cells_depth_toward(const spsi_cell_job *job, const spsi_light *light, const spsi_v place[3],
+                                      int samples) {
+    const spsi_cell_grid *own = job->grid;
+    spsi_cell_path path;
+    spsi_v distance = spsi_set(1e30f), sum = spsi_set(0);
+    float scale = 1;
+    for (int c = 0; c < own->channels; ++c) scale = spsi_fmin(scale, spsi_fmax(own->scale[c], 0.05f));
+    for (int k = 0; k < 3; ++k) {
+        path.way[k] = spsi_set((float)-light->direction[k]);
+        if (light->is_point) path.way[k] = spsi_sub(spsi_set((float)(light->position[k] - own->corner[k])), place[k]);
+    }
+    if (light->is_point) {
+        distance = spsi_max(spsi_sqrt(spsi_dot_v(path.way, path.way)), spsi_set(1e-20f));
+        for (int k = 0; k < 3; ++k) path.way[k] = spsi_div(path.way[k], distance);
+    }
+    for (int n = 0; n < job->grid_count; ++n) {
+        const spsi_cell_grid *grid = &job->grids[n];
+        const int inside = samples && grid == own;
+        path.even = inside && !light->is_point;
+        for (int k = 0; k < 3; ++k)
+            path.place[k] = spsi_add(place[k], spsi_set((float)(own->corner[k] - grid->corner[k])));
+        path.range[0] = spsi_set(0);
+        path.range[1] = path.even ? distance : spsi_min(distance, spsi_set(SPSI_CELL_NEAR * (float)own->edge));
+        if (inside) sum = spsi_add(sum, spsi_cells_march(grid, job->samples, 2, &path, SPSI_CELL_DARK / scale));
+        if (inside && path.even) continue;
+        if (inside) path.range[0] = path.range[1];
+        path.range[1] = distance;
+        path.even = 0;
+        sum = spsi_add(sum, spsi_cells_march(grid, grid->depth, 1, &path, SPSI_CELL_DARK / scale));
+    }
+    return sum;
+}
+
+/* Depth maps and translucency maps are valid for all grids. */
+SPSI_COLD sps_result spsi_cells_shadows(spsi_cell_job *job) {
     const spsi_frame *frame = job->frame;
     const int shadows = frame->lights.shadow_count;
-    spsi_call_stage each = *part;
-    each.share /= spsi_imax(1, shadows);
-    for (int i = 0, at = 0; at < shadows; ++i) {
-        const spsi_light *light = &frame->lights.list[i];
-        if (!light->shadows) continue;
-        if (spsi_cells_table(job, light, &each, &job->shadows[at], &tables[at])) return job->context->result;
-        each.progress += each.share;
-        ++at;
-    }
-    if (!job->later && (spsi_depth_maps_build(job->context, frame, job->faces, 0, job->shadows, shadows) ||
+    for (int i = 0, at = 0; at < shadows; ++i)
+        if (frame->lights.list[i].shadows) job->shadows[at++].light = &frame->lights.list[i];
+    if (!job->later && (spsi_depth_maps_build(job->context, frame, job->faces, 0.25 * job->grid->edge, job->shadows,
+                                              shadows) ||
                         spsi_translucency_maps_build(job->context, frame, job->faces, job->shadows, shadows)))
         return job->context->result;
     for (int i = 0; i < shadows; ++i) spsi_shadow_aim(&job->sheets.rays, &job->shadows[i]);
@@ -23247,22 +23342,20 @@ static spsi_v spsi_cell_spot_straight(const spsi_cell_spot *spot, spsi_v found, 
     return spsi_mean_transmittance(from, spsi_fma(spot->scale[channel], spot->depth, from));
 }
 
-/* Transmittance per channel. Optical depths at the table's limit may be larger, and count as opaque. */
+/* Transmittance per channel. */
 static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *shadow, const spsi_cell_spot *spot,
                                   spsi_v passes[3]) {
-    spsi_row_linears linears;
-    spsi_v at[3];
-    spsi_row_linears_build(shadow->along, spot->pixels.at, (float)spot->pixels.y, &linears);
-    spsi_row_linears_at(&linears, spot->part.middle, at);
-    const spsi_v found = spsi_shadow_lookup(shadow, at, 0);
-    const spsi_m dark = spsi_less(spsi_set(0.999f * shadow->table->end), found);
+    const spsi_v half = spsi_set(0.5f), unit = spsi_set((float)(0.5 * job->grid->edge));
+    const spsi_v place[3] = {spsi_mul(spsi_add(spot->pixels.at, half), unit),
+                             spsi_mul(spsi_set((float)spot->pixels.y + 0.5f), unit), spot->part.middle};
+    const spsi_v found = spsi_cells_depth_toward(job, shadow->light, place, 1);
     spsi_v lit[SPSI_SUBSLABS], filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
     spsi_lit_fractions(&job->shader, &shadow->depth_map, &spot->pixels, &spot->slab, lit);
     if (shadow->translucency_map_count > 0)
         spsi_subslab_filter(&job->shader, shadow, &spot->pixels, &spot->part, filter);
     SPSI_ROLLED for (int c = 0; c < job->grid->channels; ++c) {
         const spsi_v share = spsi_mul(lit[0], filter[c]);
-        passes[c] = spsi_select(dark, spsi_set(0), spsi_mul(share, spsi_cell_spot_straight(spot, found, c)));
+        passes[c] = spsi_mul(share, spsi_cell_spot_straight(spot, found, c));
     }
 }
 
@@ -23398,7 +23491,7 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_light *lig
     const int end = spsi_imin(hits->count, first + SPSI_PACKET);
     double irradiance[SPSI_PACKET][3], toward[3];
     spsi_packet packet;
-    float depths[SPSI_PACKET] = {0};
+    float depths[SPSI_PACKET + SPSI_LANES] = {0};
     int faces = 0;
     spsi_packet_begin(job->faces, !point->is_point, 1, &packet);
     for (int i = first; i < end; ++i) {
@@ -23410,13 +23503,14 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_light *lig
     if (!faces) return;
     if (shadow) spsi_packet_trace(job->faces, &packet);
     for (int i = first; i < end && shadow; i += SPSI_LANES) {
-        spsi_points points;
-        points.lanes = 0;
-        for (int n = 0; n < SPSI_LANES; ++n) {
-            points.lanes |= (i + n < end) << n;
-            for (int k = 0; k < 3; ++k) points.at[k][n] = hits->surface[i + n < end ? i + n : i].point[k];
+        float at[3][SPSI_LANES];
+        spsi_v place[3];
+        for (int n = 0; n < 3 * SPSI_LANES; ++n) {
+            const spsi_surface *surface = &hits->surface[spsi_imin(i + n / 3, end - 1)];
+            at[n % 3][n / 3] = (float)(surface->point[n % 3] - job->grid->corner[n % 3]);
         }
-        spsi_shadow_surfaces(shadow, 0, &points, depths + (i - first));
+        for (int k = 0; k < 3; ++k) place[k] = spsi_load(at[k]);
+        spsi_store(depths + (i - first), spsi_cells_depth_toward(job, light, place, 0));
     }
     for (int i = first; i < end; ++i) {
         const double depth = (double)depths[i - first];
@@ -23817,7 +23911,7 @@ static void spsi_cells_light_task(void *data, int row) {
         }
 }
 
-SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage *part) {
+SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job) {
     sps_context *context = job->context;
     const int count = job->frame->lights.shadow_count, rows = job->grid->size[1] * job->grid->size[2];
     spsi_cell_directions(job->directions);
@@ -23829,22 +23923,13 @@ SPSI_COLD sps_result spsi_cells_light(spsi_cell_job *job, const spsi_call_stage 
     }
     if (count == 0 && !job->walls) return job->grid->pyramid ? spsi_cells_fly_to(job) : SPS_OK;
     job->shadows = SPSI_RESERVE(context, SPSI_BUFFER_SHADOWS, (size_t)count, spsi_shadow);
-    spsi_shadow_table *tables = SPSI_RESERVE(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, spsi_shadow_table);
-    if (!job->shadows || !tables) return context->result;
+    if (!job->shadows) return context->result;
     if (!job->later) memset(job->shadows, 0, (size_t)count * sizeof *job->shadows);
-    for (int i = 0; i < count; ++i) /* waiting tables were made for an earlier grid */
-        if (!job->later || !tables[i].waits) memset(&tables[i], 0, sizeof tables[i]);
-    context->cell_tmap_count = count;
-    job->gas = spsi_has_shadow_tables(job->frame) ? spsi_gas_fingerprint(job->frame) : 0;
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
     spsi_cells_shader(job->frame, job->faces, &job->sheets.rays, &job->sheets.slabs, &job->sweep, &job->shader);
-    if (!spsi_cells_shadows(job, part, tables)) {
-        if (job->walls) spsi_parallel_items(context, rows, spsi_cell_walls_task, job);
-        if (!job->grid->pyramid || !spsi_cells_fly_to(job))
-            spsi_parallel_items(context, rows, spsi_cells_light_task, job);
-    }
-    for (int i = 0; i < count; ++i)
-        if (!tables[i].waits) spsi_buffer_release(context, &tables[i].pairs);
+    if (spsi_cells_shadows(job)) return context->result;
+    if (job->walls) spsi_parallel_items(context, rows, spsi_cell_walls_task, job);
+    if (!job->grid->pyramid || !spsi_cells_fly_to(job)) spsi_parallel_items(context, rows, spsi_cells_light_task, job);
     return context->result;
 }
 
@@ -23905,7 +23990,8 @@ SPSI_COLD size_t spsi_cell_level_lay_out(const spsi_cell_grid *grid, spsi_cell_l
     level->closed = grid->flux_terms > 0 ? (uint32_t *)(void *)spsi_lay(memory, &laid, level->count) : NULL;
     level->given = spsi_lay(memory, &laid, terms);
     level->sent = spsi_lay(memory, &laid, terms);
-    for (int i = 0; i < 2; ++i) level->moments[i] = spsi_lay(memory, &laid, terms);
+    for (int i = 0; i < 2; ++i)
+        level->moments[i] = spsi_lay(memory, &laid, (size_t)spsi_imax(grid->terms, grid->flux_terms) * level->count);
     return (size_t)laid;
 }
 
@@ -23913,7 +23999,7 @@ SPSI_COLD size_t spsi_cell_level_lay_out(const spsi_cell_grid *grid, spsi_cell_l
 SPSI_COLD size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver *solver) {
     size_t floats = 0;
     solver->orders = grid->orders;
-    solver->terms = grid->terms;
+    solver->terms = solver->taken = grid->terms;
     for (solver->level_count = 0; solver->level_count < SPSI_CELL_LEVELS;) {
         const int n = solver->level_count++;
         spsi_cell_level *level = &solver->levels[n];
@@ -24051,22 +24137,29 @@ static int spsi_cells_sweep_rest(const spsi_cell_job *job, int channel, float *l
 /* Ends rays at closed links. */
 static spsi_v spsi_cells_stop(const spsi_cell_level *level, const spsi_v before[3], const spsi_v at[3],
                               spsi_v through) {
-    float cell[3][SPSI_LANES], last[3][SPSI_LANES], passes[SPSI_LANES];
+    const spsi_v rows = spsi_set((float)level->size[1]), pitch = spsi_set((float)level->pitch), two = spsi_set(2);
+    const spsi_v cell = spsi_fma(spsi_fma(before[2], rows, before[1]), pitch, before[0]);
+    const spsi_v pair = spsi_floor(spsi_mul(cell, spsi_set(0.5f))), other = spsi_sub(cell, spsi_mul(two, pair));
+    spsi_v link = spsi_fma(other, spsi_set(32), spsi_set(13)); /* spsi_cell_link */
+    float passes[SPSI_LANES];
+    for (int k = 0; k < 3; ++k)
+        link = spsi_fma(spsi_sub(before[k], at[k]), spsi_set(k == 0 ? 1 : k == 1 ? 3 : 9), link);
+    int closed = spsi_lookup_bit((const uint32_t(*)[2])(void *)level->closed, pair, link);
+    if (!closed) return through;
     spsi_store(passes, through);
-    for (int k = 0; k < 3; ++k) spsi_store(cell[k], at[k]), spsi_store(last[k], before[k]);
-    for (int i = 0; i < SPSI_LANES; ++i) {
-        const int x = (int)last[0][i], row = (int)last[2][i] * level->size[1] + (int)last[1][i];
-        const int link = spsi_cell_link(x - (int)cell[0][i], (int)(last[1][i] - cell[1][i]),
-                                        (int)(last[2][i] - cell[2][i]));
-        if (level->closed[(size_t)row * (size_t)level->pitch + (size_t)x] >> link & 1) passes[i] = 0;
-    }
+    for (; closed; closed &= closed - 1) passes[spsi_lowest_bit(closed)] = 0;
     return spsi_load(passes);
 }
 
-/* Adds `taken` of the sources of cells in columns x to each ray's sums. Vectors may read beyond a cell's terms. */
+/* Adds `taken` of the sources of cells in columns x to each ray's sums, or to a row of sums if there is one term. Vectors
+   may read beyond a cell's terms. */
 static void spsi_cells_add_sources(const spsi_cell_level *level, spsi_v x, spsi_v row, spsi_v taken,
                                    float sums[SPSI_LANES][SPSI_CELL_TERMS]) {
     const int terms = level->solver->terms;
+    if (terms == 1) {
+        spsi_store(sums[0], spsi_fma(taken, spsi_lookup(level->moments[1], level->pitch, x, row), spsi_load(sums[0])));
+        return;
+    }
     float column[SPSI_LANES], line[SPSI_LANES], share[SPSI_LANES];
     spsi_store(column, x);
     spsi_store(line, row);
@@ -24114,7 +24207,7 @@ static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v fro
         through = spsi_mul(through, passes);
     }
     for (int t = 0; t < solver->terms; ++t) {
-        for (int i = 0; i < SPSI_LANES; ++i) of_term[i] = sums[i][t];
+        for (int i = 0; i < SPSI_LANES; ++i) of_term[i] = solver->terms == 1 ? sums[0][i] : sums[i][t];
         found[0] = spsi_fma(harmonic[t], spsi_load(of_term), found[0]);
     }
 }
@@ -24289,7 +24382,9 @@ SPSI_COLD void spsi_cells_light_polygons(spsi_cell_job *job) {
     const float *outside = level->outside;
     level->walls = NULL;
     level->outside = NULL;
+    job->solver->taken = spsi_imax(job->grid->terms, job->grid->flux_terms);
     spsi_cells_sweep(level);
+    job->solver->taken = job->grid->terms;
     spsi_cells_take_flux(job, job->channel);
     level->walls = walls;
     level->outside = outside;
@@ -24384,7 +24479,7 @@ static size_t spsi_cell_grid_lay_out(const spsi_frame *frame, spsi_cell_grid *gr
     for (int n = 0, y = grid->size[1], z = grid->size[2]; n < SPSI_CELL_LEVELS; ++n, y = (y + 1) / 2, z = (z + 1) / 2)
         grid->pyramid_rows += (size_t)(y * z);
     grid->pyramid = flies ? spsi_lay(memory, &laid, pyramids * grid->pyramid_rows * (size_t)grid->pitch) : NULL;
-    grid->seen = spsi_lay(memory, &laid, (size_t)frame->matter.material_count * each);
+    grid->seen = spsi_lay(memory, &laid, 4 * (size_t)frame->matter.material_count * grid->count);
     return (size_t)laid;
 }
 
@@ -24494,8 +24589,7 @@ static void spsi_emission_add(const spsi_cell_job *job, spsi_emission_sums *glow
 }
 
 SPSI_COLD sps_result spsi_cells_begin(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                      const spsi_bounds *bounds, const spsi_call_stage *part, spsi_cell_grid *grid,
-                                      spsi_cell_job **begun) {
+                                      const spsi_call_stage *part, spsi_cell_grid *grid, spsi_cell_job **begun) {
     const size_t channels = (size_t)grid->channels, floats = spsi_cell_job_floats(frame, grid) * grid->count;
     spsi_cell_job *job = SPSI_RESERVE(context, SPSI_BUFFER_CELL_JOB, 1, spsi_cell_job);
     float *memory = SPSI_RESERVE(context, SPSI_BUFFER_CELLS, floats, float);
@@ -24509,7 +24603,6 @@ SPSI_COLD sps_result spsi_cells_begin(sps_context *context, const spsi_frame *fr
     job->frame = frame;
     job->faces = faces;
     job->grid = grid;
-    job->bounds = *bounds;
     job->fine = spsi_samples_fineness(frame, 0.5 * grid->edge);
     job->samples = memory;
     job->scattered = job->samples + 8 * grid->count;
@@ -24552,7 +24645,7 @@ static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *gr
         if (!light->shadows || light->projection.exists) continue;
         entry.index = light->index, entry.places = 1 + light->is_point, entry.brings = 0;
         for (int n = 0; n < count; ++n) {
-            const double longest = grids[n].edge * frame->view.scattering_resolution;
+            const double longest = grids[n].longest;
             double apart = 0;
             for (int k = 0; k < 3; ++k) {
                 const double half = 0.5 * grids[n].edge * grids[n].size[k], centre = grids[n].corner[k] + half;
@@ -24581,8 +24674,9 @@ SPSI_COLD int spsi_cells_place_all(const sps_context *context, const spsi_frame 
     spsi_groups_build(context, frame, groups);
     frame->content->bounds = spsi_nowhere;
     for (int n = 0; n < groups->count; ++n) {
-        spsi_bounds_join(&frame->content->bounds, &groups->list[n]);
-        if (!spsi_cells_place(frame, &groups->list[n], &grids[count])) continue;
+        spsi_bounds_join(&frame->content->bounds, &groups->list[n].bounds);
+        const spsi_gas_group *group = &groups->list[n];
+        if (!spsi_cells_place(&group->bounds, spsi_cells_across(frame, group), &grids[count])) continue;
         groups->list[count] = groups->list[n];
         spsi_cells_lay_out(frame, &grids[count++]);
     }
@@ -24606,7 +24700,7 @@ SPSI_COLD void spsi_cells_share_scale(spsi_cell_grid *grids, int count) {
     }
 }
 
-/* All grids are filled first: emission from one crosses the others' media. */
+/* All grids are filled first: light of one crosses the others' media. */
 SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                      const spsi_groups *groups, const spsi_call_stage *part, spsi_cell_grid *grids,
                                      spsi_flights *flights) {
@@ -24616,12 +24710,12 @@ SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *fra
     spsi_cell_job *job;
     memset(flights, 0, SPSI_FLIGHT_TREES * sizeof *flights);
     third.share /= 3 * count;
-    for (int n = 0; n < count && count > 1 && flies; ++n) {
-        if (spsi_cells_begin(context, frame, faces, &groups->list[n], &third, &grids[n], &job)) return context->result;
-        spsi_emission_add(job, &glow);
+    for (int n = 0; n < count && count > 1; ++n) {
+        if (spsi_cells_begin(context, frame, faces, &third, &grids[n], &job)) return context->result;
+        if (flies) spsi_emission_add(job, &glow);
     }
     for (int n = 0; n < count; ++n) {
-        if (spsi_cells_begin(context, frame, faces, &groups->list[n], &third, &grids[n], &job)) return context->result;
+        if (spsi_cells_begin(context, frame, faces, &third, &grids[n], &job)) return context->result;
         if (count == 1 && flies) spsi_emission_add(job, &glow);
         if (n == 0) { /* beyond depths of 20/3, nodes are 10 % too dark and cells 20 % too bright */
             const double sum = glow.sum > 0 ? glow.sum : 1, alone = log(spsi_dmax(glow.parts / sum, 1) / 32) / log(4);
@@ -24633,9 +24727,10 @@ SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *fra
             job->emitted[i] *= 1 - flights->to_cells;
         job->later = n > 0;
         job->flights = flights;
+        job->grids = grids;
         job->grid_count = count;
         third.progress += third.share;
-        if (spsi_cells_light(job, &third)) return context->result;
+        if (spsi_cells_light(job)) return context->result;
         third.progress += third.share;
         if (spsi_cells_solve_all(job, &third)) return context->result;
         third.progress += third.share;
@@ -24702,8 +24797,6 @@ SPSI_COLD sps_result spsi_cells_build(sps_context *context, const spsi_frame *fr
     memcpy(levels, content->levels, sizeof levels);
     for (int m = 0; m < frame->medium_count; ++m) content->levels[m] = spsi_fmin(levels[m], 0);
     (void)spsi_cells_find(context, frame, faces, part);
-    if (memcmp(content->levels, levels, sizeof levels)) /* these tables do not fit the image's levels */
-        spsi_shadow_tables_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count);
     memcpy(content->levels, levels, sizeof levels);
     content->bounds = bounds;
     return context->result;
@@ -24939,7 +25032,11 @@ SPSI_COLD sps_result spsi_spread_aim(sps_context *context, const spsi_frame *fra
                                      spsi_spread *spread) {
     const spsi_light_grid *range = &spread->map;
     spsi_light coarse = *light;
-    spsi_cells_map_light(spsi_imax(16, 2 * frame->view.scattering_resolution), NULL, &coarse);
+    memset(&coarse.map, 0, sizeof coarse.map);
+    coarse.map.technique = SPS_TMAP_TABLE;
+    coarse.map_size = spsi_imax(16, 2 * frame->view.scattering_resolution);
+    coarse.has_map = 1;
+    coarse.sliced = 0;
     spread->light = light;
     spread->channels = frame->channels;
     if (spsi_light_grid_aim(context, frame, &coarse, &spread->map)) return context->result;
@@ -25097,14 +25194,6 @@ SPSI_COLD void spsi_cells_count(sps_context *context, const spsi_frame *frame, i
     }
     if (flights > 0) spsi_reserve(context, SPSI_BUFFER_FLIGHTS, 1, flights);
     context->counted = NULL;
-    for (int i = 0; i < frame->lights.count; ++i) {
-        spsi_light coarse = frame->lights.list[i];
-        size_t held, filling;
-        if (!coarse.shadows || spsi_has_shadow_table(&coarse)) continue;
-        spsi_cells_map_light(spsi_cell_texels(frame), NULL, &coarse);
-        spsi_plan_tmap_bytes(context, frame, &coarse, is_read, &held, &filling);
-        spsi_bytes_add(bytes, held + filling, 1);
-    }
 }
 
 SPSI_COLD size_t spsi_spreads_bytes(const spsi_frame *frame) {
@@ -25703,7 +25792,7 @@ SPSI_COLD void spsi_work_count_cells(const sps_context *context, const spsi_fram
     const spsi_rates *pace = &context->pace;
     double cells = 0;
     spsi_cell_grid grid;
-    if ((spsi_uses_cells(frame) || spsi_convolves(frame)) && spsi_cells_place(frame, &frame->content->bounds, &grid))
+    if ((spsi_uses_cells(frame) || spsi_convolves(frame)) && spsi_cells_place(&frame->content->bounds, frame->view.scattering_resolution, &grid))
         cells =
             (double)frame->channels * grid.size[0] * grid.size[1] * grid.size[2] * (frame->meshes.count > 0 ? 2 : 1);
     const int are_held = cells > 0 && context->cells_cached != 0 && pace->scattered != 0 &&
@@ -25723,7 +25812,7 @@ SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, dou
         const spsi_setting setting = spsi_candidate_setting(first + n);
         spsi_candidate *candidate = &candidates[first + n];
         if (only && n != only->cells) continue;
-        frame->view.scattering_resolution = spsi_cell_presets[n];
+        frame->view.scattering_resolution = frame->accuracy.cells_least = spsi_cell_presets[n];
         spsi_work_count_cells(context, frame, &setting, work);
         candidate->is_known = 1;
         for (int k = 0; k < SPSI_STAGE_COUNT; ++k) {
@@ -26367,7 +26456,7 @@ SPSI_COLD int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_
     spsi_spread spread;
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
     if (spsi_uses_cells(frame))
-        return spsi_cells_place(frame, &frame->content->bounds, &grid) &&
+        return spsi_cells_place(&frame->content->bounds, frame->view.scattering_resolution, &grid) &&
                spsi_cells_aim(&grid, spsi_samples_fineness(frame, 0.5 * grid.edge), rays, slabs);
     for (int i = 0; i < frame->lights.count && spsi_convolves(frame); ++i)
         if (frame->lights.list[i].shadows)
@@ -29311,7 +29400,7 @@ SPSI_COLD sps_result spsi_probe_gases(sps_context *context, spsi_prober *prober)
         }
         memset(content->flies, 0, sizeof flies); /* rays meet all emission */
         if (n < prober->gas_count || prober->gas_count > 1)
-            (void)spsi_cells_begin(context, prober->frame, &prober->faces, &bounds, &part, grid, &prober->job);
+            (void)spsi_cells_begin(context, prober->frame, &prober->faces, &part, grid, &prober->job);
         memcpy(content->flies, flies, sizeof flies);
         if (context->result || spsi_progress(context, part.progress)) return context->result;
         if (n >= prober->gas_count)
@@ -29543,7 +29632,6 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
     if (refused) return refused;
     spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
     if (frame) spsi_render_frame(context, frame, image);
-    spsi_shadow_tables_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count); /* left by failures */
     return spsi_end_timed(context);
 }
 
@@ -29558,7 +29646,6 @@ SPS_API sps_result sps_light_probes(sps_context *context, const sps_scene *scene
         return spsi_end_timed(context);
     spsi_frame *frame = spsi_frame_build(context, scene, view, SPSI_WANTS_EVERY_LIGHT);
     if (frame) spsi_probes_frame(context, frame, count, positions, out);
-    spsi_shadow_tables_drop(context, SPSI_BUFFER_CELL_TMAPS, &context->cell_tmap_count);
     return spsi_end_timed(context);
 }
 

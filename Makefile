@@ -14,6 +14,7 @@
 # make accuracy    error and time of every knob in twelve scenes, into docs/accuracy.md and docs/accuracy_*.png
 # make accuracy-quick  the scenes with a closed form and two knobs of it, in half a minute; SCENE=name: all of that scene
 # make prices      the README's table: error and time of six scenes in the default mode
+# make build/libsplatshadow.a  the library for every processor of a kind, chosen when a program runs: examples/dispatch.c
 # make uses        seconds and bytes of what a program compiles that calls only some functions
 # make headline    a scene at three settings, docs/price.png, and the error and time of each
 # make accuracy-tables  that page's tables of error against time of single effects
@@ -40,7 +41,7 @@ WARNINGS_C = $(WARNINGS) -Wstrict-prototypes -Wmissing-prototypes
 INCLUDES = -I. -isystem $(STB)
 LIBRARIES = -pthread -lm
 HEADERS = splatshadow.h $(wildcard examples/*.h)
-EXAMPLES = $(patsubst examples/%.c,build/%,$(wildcard examples/*.c))
+EXAMPLES = $(patsubst examples/%.c,build/%,$(filter-out examples/dispatch.c,$(wildcard examples/*.c)))
 STEPS = $(patsubst examples/tutorial/%.c,%,$(wildcard examples/tutorial/*.c))
 MEASURES = $(patsubst tests/measure/%.c,%,$(wildcard tests/measure/*.c))
 
@@ -56,6 +57,20 @@ build/hello: examples/hello.c splatshadow.h | build
 # All other programs are linked with one object of the implementation.
 build/splatshadow.o: splatshadow.h | build
 	$(CC) $(STANDARD) $(OPTIMIZE) -DSPLATSHADOW_IMPLEMENTATION -x c -c $< -o $@
+
+# The implementation for every processor of a kind, examples/dispatch.c: once for each variant, and what chooses
+X86 = $(filter x86_64 amd64 i%86,$(shell uname -m))
+VARIANTS = $(if $(X86),sse2 avx2 avx512,plain $(if $(filter aarch64 arm64,$(shell uname -m)),neon))
+FLAGS_plain = -DSPS_NO_SIMD
+FLAGS_sse2 = -msse2 -mfpmath=sse
+FLAGS_avx2 = -mavx2 -mfma
+FLAGS_avx512 = -mavx512f -mavx512dq -mavx512bw -mavx512vl -mfma
+build/dispatch.o $(VARIANTS:%=build/dispatch_%.o): examples/dispatch.c splatshadow.h | build
+	$(CC) $(STANDARD) $(filter-out -march=%,$(OPTIMIZE)) $(if $(VARIANT),$(FLAGS_$(VARIANT)) -DVARIANT=$(VARIANT)) -I. -c $< -o $@
+$(foreach variant,$(VARIANTS),$(eval build/dispatch_$(variant).o: VARIANT = $(variant)))
+
+build/libsplatshadow.a: build/dispatch.o $(VARIANTS:%=build/dispatch_%.o)
+	rm -f $@ && $(AR) rc $@ $^
 
 build/tutorial/6_shadow_map: $(wildcard examples/shaders/*)
 
@@ -140,10 +155,10 @@ build/measure:
 build/measure/%: tests/measure/%.c $(HEADERS) $(wildcard tests/measure/*.h examples/shaders/*) tests/flames.h build/splatshadow.o | build/measure
 	$(CC) $(STANDARD) $(OPTIMIZE) $(WARNINGS_C) $(INCLUDES) -Iexamples -Itests $< build/splatshadow.o -o $@ $(LIBRARIES)
 
-# See the top of tests/measure/bench.c for its parts. bench_plain is plain C, bench_avx2 has vectors of 8 floats at most.
+# See the top of tests/measure/bench.c for its parts. bench_plain is plain C, bench_avx2 has vectors of 8 floats at most,
+# and bench_dispatch chooses.
 .PHONY: bench speed accuracy accuracy-quick accuracy-tables
-X86 = $(filter x86_64 amd64 i%86,$(shell uname -m))
-BENCHES = build/measure/bench $(if $(X86),build/measure/bench_avx2) build/measure/bench_plain
+BENCHES = build/measure/bench build/measure/bench_dispatch $(if $(X86),build/measure/bench_avx2) build/measure/bench_plain
 
 bench: $(BENCHES) build/measure/files
 	build/measure/bench
@@ -155,6 +170,9 @@ build/measure/bench_plain: ONLY = -DSPS_NO_SIMD
 build/measure/bench_avx2: ONLY = -mno-avx512f
 build/measure/bench_plain build/measure/bench_avx2: tests/measure/bench.c $(HEADERS) $(wildcard tests/measure/*.h) | build/measure
 	$(CC) $(STANDARD) $(OPTIMIZE) $(ONLY) -DSPLATSHADOW_IMPLEMENTATION $(WARNINGS_C) $(INCLUDES) -Iexamples $< -o $@ $(LIBRARIES)
+
+build/measure/bench_dispatch: tests/measure/bench.c $(HEADERS) $(wildcard tests/measure/*.h) build/libsplatshadow.a | build/measure
+	$(CC) $(STANDARD) $(OPTIMIZE) $(INCLUDES) -Iexamples $< build/libsplatshadow.a -o $@ $(LIBRARIES)
 
 # Rows of the table of goals: time of each build's frames, with 1 worker, over that of bench; the least of turns.
 COMPARE_BUILDS = for turn in 1 2 3; do for build in $(notdir $(BENCHES)); do build/measure/$$build frames | sed "s/^/$$build /"; done; done | awk ' \

@@ -2941,7 +2941,7 @@ static inline spsi_v spsi_phase(const spsi_material *material, spsi_v cosine) {
 static double spsi_phase_moment(const spsi_material *material, int l) {
     double sum = 0;
     SPSI_ROLLED for (int i = 0; i < material->lobe_count; ++i)
-        sum += (double)material->lobes[i].weight * pow((double)material->lobes[i].asymmetry, l);
+        sum += (double)material->lobes[i].weight * pow((double)material->lobes[i].asymmetry, (double)l);
     return sum;
 }
 
@@ -5428,7 +5428,7 @@ SPSI_COLD void spsi_light_place(const spsi_light *light, double x, double y, sps
         spsi_along(point->position, extent->axis[0], x, point->position);
         spsi_along(point->position, extent->axis[1], y, point->position);
     } else {
-        const double r = sqrt(x * x + y * y), less = r * r * 2 * pow(sin(0.5 * extent->radius), 2);
+        const double r = sqrt(x * x + y * y), less = r * r * 2 * pow(sin(0.5 * extent->radius), 2.0);
         const double per = r > 0 ? sqrt(less * (2 - less)) / r : 0;
         for (int i = 0; i < 3; ++i)
             point->direction[i] =
@@ -5464,7 +5464,7 @@ SPSI_COLD void spsi_light_build(const spsi_frame *frame, const sps_light *given,
     memcpy(light->color, given->color, sizeof light->color);
     light->samples = given->samples;
     light->cone.exists = outer > 0;
-    light->cone.none = spsi_dmax(2 * pow(sin(0.5 * outer), 2), 1e-30); /* floats resolve no narrower rim */
+    light->cone.none = spsi_dmax(2 * pow(sin(0.5 * outer), 2.0), 1e-30); /* floats resolve no narrower rim */
     light->cone.rim = spsi_dmax(2 * sin(0.5 * (outer + inner)) * sin(0.5 * (outer - inner)), 1e-7 * light->cone.none);
     spsi_basis(light->direction, light->across[0], light->across[1]);
     if (given->projector) spsi_projection_build(given, light->direction, &light->projection);
@@ -5603,7 +5603,7 @@ SPSI_COLD void spsi_sky_spiral(const spsi_sky *sky, int count, spsi_sky_parts *p
         parts->way[1][i] = (float)(aside * sin(turn));
         parts->way[2][i] = (float)up;
     }
-    spsi_sky_divide(sky, 2 + (int)(2 * sqrt(count)), parts);
+    spsi_sky_divide(sky, 2 + (int)(2 * sqrt((double)count)), parts);
 }
 
 /* Radiance from a unit direction. */
@@ -6552,7 +6552,7 @@ static double spsi_measure_extinction(const spsi_frame *frame) {
         covered += square * depth / (1 + depth);
         sum += most * radius * depth / (1 + depth);
     }
-    volume = volume / content->particle_count + 8 / (4 * SPSI_PI / 3) * pow(content->particle_spread, 3);
+    volume = volume / content->particle_count + 8 / (4 * SPSI_PI / 3) * pow(content->particle_spread, 3.0);
     return covered > 0 && volume > 0 ? spsi_dmax(mass / volume, sum / covered) : 0;
 }
 
@@ -18946,7 +18946,7 @@ static float spsi_cell_flown(const spsi_cell_viewer *look, int m, const double t
     double mean[3] = {0, 0, 0}, sum = 0, length;
     if (!(flown[0] > 0)) return own ? *trapped : 0;
     for (int k = 0; k < 3 && grid->terms > 1; ++k) /* y, z, x */
-        mean[k] = (double)flown[(size_t)(k ? k : 3) * grid->count] / (sqrt(3) * (double)flown[0]);
+        mean[k] = (double)flown[(size_t)(k ? k : 3) * grid->count] / (sqrt(3.0) * (double)flown[0]);
     length = spsi_dmin(spsi_length(mean), 1);
     for (int i = 0; i < material->lobe_count; ++i) {
         sps_lobe lobe = material->lobes[i];
@@ -20177,7 +20177,7 @@ static float spsi_flights_reach(const spsi_emitter *below, const spsi_flight_nod
         most = spsi_dmax(most, reach[i]);
     }
     if (most < edge) return (float)(each / all);
-    SPSI_ROLLED for (int i = 0; i < count; ++i) mean += weight[i] * pow(reach[i] / most, 16);
+    SPSI_ROLLED for (int i = 0; i < count; ++i) mean += weight[i] * pow(reach[i] / most, 16.0);
     return (float)spsi_dmax(most * pow(mean / all, 1.0 / 16), edge);
 }
 
@@ -22203,7 +22203,7 @@ static double spsi_surfaces_unit(const spsi_light *light, const spsi_surfaces *l
         for (int n = 0; n < SPSI_LANES; ++n)
             largest = spsi_dmax(largest, fabs(light->position[i] - list->points.at[i][n]));
     frexp(largest, &power);
-    return ldexp(1, power);
+    return ldexp(1.0, power);
 }
 
 static void spsi_surfaces_places(const spsi_surfaces *list, const spsi_light *light, spsi_v place[3]) {
@@ -24650,7 +24650,7 @@ static void spsi_cells_choose_lights(const spsi_frame *frame, spsi_cell_grid *gr
             for (int k = 0; k < 3; ++k) {
                 const double half = 0.5 * grids[n].edge * grids[n].size[k], centre = grids[n].corner[k] + half;
                 entry.at[k] = light->is_point ? light->position[k] : centre - 1e5 * longest * light->direction[k];
-                apart += pow(spsi_dmax(fabs(light->position[k] - centre) - half, 0), 2);
+                apart += pow(spsi_dmax(fabs(light->position[k] - centre) - half, 0), 2.0);
             }
             if (light->is_point) weight = spsi_dmin(weight, 4 * (sqrt(apart) - light->extent.radius) / longest - 1);
             entry.brings = spsi_dmax(entry.brings, sum / (light->falls_off ? apart + longest * longest : 1));
@@ -24718,7 +24718,7 @@ SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *fra
         if (spsi_cells_begin(context, frame, faces, &third, &grids[n], &job)) return context->result;
         if (count == 1 && flies) spsi_emission_add(job, &glow);
         if (n == 0) { /* beyond depths of 20/3, nodes are 10 % too dark and cells 20 % too bright */
-            const double sum = glow.sum > 0 ? glow.sum : 1, alone = log(spsi_dmax(glow.parts / sum, 1) / 32) / log(4);
+            const double sum = glow.sum > 0 ? glow.sum : 1, alone = log(spsi_dmax(glow.parts / sum, 1) / 32) / log(4.0);
             const double bare = glow.sum > 0 ? spsi_dmin(spsi_dmax(1.5 - glow.depth / sum / 8, 2.0 / 3), 1) : 0;
             flights->to_cells = (float)(frame->matter.scatters ? spsi_dmax(0, spsi_dmin(alone, 1)) : bare);
             flights->to_polygons = (float)spsi_dmax((double)flights->to_cells, bare);
@@ -24877,7 +24877,7 @@ SPSI_COLD double spsi_spread_cone(const spsi_light *light, const spsi_rays *rays
     reach = 0.5 * size * (spsi_length(rays->a) + spsi_length(rays->b)) / spsi_length(ray);
     if (angle >= outer + reach) return 0;
     if (angle + reach <= inner) return 1;
-    if (size < 0.2 && reach < 0.1 * outer) return spsi_cone_at(&light->cone, 2 * pow(sin(0.5 * angle), 2));
+    if (size < 0.2 && reach < 0.1 * outer) return spsi_cone_at(&light->cone, 2 * pow(sin(0.5 * angle), 2.0));
     for (int i = 0; i < 4; ++i)
         sum +=
             spsi_spread_cone(light, rays, x + (i % 2 - 0.5) * 0.5 * size, y + (i / 2 - 0.5) * 0.5 * size, 0.5 * size);
@@ -26371,7 +26371,7 @@ SPSI_COLD sps_result spsi_plan_pyramids(sps_context *context, const spsi_frame *
     memset(fields->levels, 0, sizeof fields->levels);
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_pyramid_level *field = fields->levels[m];
-        const double bricks = (double)reading->bricks_of[m], most = pow(SPSI_BRICK + fields->taps, 3);
+        const double bricks = (double)reading->bricks_of[m], most = pow((double)(SPSI_BRICK + fields->taps), 3.0);
         double volume = 1;
         spsi_pyramid_whole(&frame->media[m], field);
         for (int k = 0; k < 3; ++k) volume *= frame->media[m].high[k] - frame->media[m].low[k] + fields->taps;
@@ -28032,7 +28032,7 @@ SPSI_COLD void spsi_incoming_shade(const spsi_marcher *marcher, const spsi_step 
         spsi_series way;
         incoming->smooth &= distance > h;
         way.term[0] = 1 + 0.5 * h / distance;
-        for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) way.term[k] = way.term[0] / pow(distance - 0.5 * h, k);
+        for (int k = 1; k <= SPSI_BRACKET_ORDER; ++k) way.term[k] = way.term[0] / pow(distance - 0.5 * h, (double)k);
         incoming->series.term[0] = middle.depth.high + 0.5 * h * incoming->series.term[1];
         incoming->series = spsi_series_product(&incoming->series, &way);
     }
@@ -28057,7 +28057,7 @@ SPSI_COLD spsi_enclosure spsi_step_axis(const spsi_step *step, const spsi_light 
     double travel[3], root;
     spsi_light_direction(light, step->points[1], travel);
     root = sqrt(spsi_versine(light, travel));
-    return spsi_enclosure_of(pow(spsi_dmax(root - turn, 0), 2), spsi_dmin(pow(root + turn, 2), 2));
+    return spsi_enclosure_of(pow(spsi_dmax(root - turn, 0), 2.0), spsi_dmin(pow(root + turn, 2.0), 2));
 }
 
 /* True if an edge of a cone lies in the range. */
@@ -28102,7 +28102,7 @@ SPSI_COLD void spsi_incoming_phase(const spsi_step *step, const spsi_light *ligh
     const double distance = spsi_step_distance(step, light);
     double cosines[3], axis[3], phases[3] = {0, 0, 0};
     spsi_enclosure range = {0, 0};
-    spsi_series turning, series;
+    spsi_series turning, series = {{0}};
     for (int j = 0; j < 3; ++j) {
         double travel[3];
         spsi_light_direction(light, step->points[j], travel);
@@ -28110,8 +28110,8 @@ SPSI_COLD void spsi_incoming_phase(const spsi_step *step, const spsi_light *ligh
         axis[j] = spsi_versine(light, travel);
     }
     incoming->smooth &= distance > 2 * half;
-    memset(&series, 0, sizeof series);
-    for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k) turning.term[k] = light->is_point ? 2 / pow(distance - half, k) : 0;
+    for (int k = 0; k <= SPSI_BRACKET_ORDER; ++k)
+        turning.term[k] = light->is_point ? 2 / pow(distance - half, (double)k) : 0;
     for (int i = 0; i < material->lobe_count; ++i) {
         const sps_lobe *lobe = &material->lobes[i];
         const double g = (double)lobe->asymmetry;
@@ -29182,7 +29182,7 @@ static void spsi_probe_face(const spsi_prober *prober, spsi_probe_path *path) {
     const spsi_content *content = prober->frame->content;
     const spsi_hit *hit = &path->hit;
     const spsi_face *face = &prober->faces.list[hit->face];
-    const double pixel = path->ray.high * 4 / sqrt(prober->directions);
+    const double pixel = path->ray.high * 4 / sqrt((double)prober->directions);
     double color[3], lit[3] = {0, 0, 0};
     spsi_surface at;
     if (!spsi_ray_surface(&prober->faces, &path->ray, hit, pixel, &at, color)) color[0] = color[1] = color[2] = 0;
@@ -29422,7 +29422,7 @@ SPSI_COLD void spsi_probe_phases(spsi_prober *prober) {
         if (spsi_phase_orders(lobes) > 1) prober->lobed[prober->lobed_count++] = m;
         for (int i = 0; i < lobes->lobe_count && peak > 0; ++i) {
             sps_lobe *lobe = &lobes->lobes[i];
-            const float ahead = (float)pow((double)spsi_fmax(lobe->asymmetry, 0), cells->orders);
+            const float ahead = (float)pow((double)spsi_fmax(lobe->asymmetry, 0), (double)cells->orders);
             lobe->asymmetry = (lobe->asymmetry - ahead) / (1 - ahead);
             sum += (double)(lobe->weight *= 1 - ahead);
         }

@@ -84,7 +84,7 @@ VARIANT_static = -DSPLATSHADOW_IMPLEMENTATION -DSPS_API=static
 VARIANT_avx2   = -DSPLATSHADOW_IMPLEMENTATION -mavx2 -mfma $(HOSTILE)
 # gcc 12's own AVX-512 header warns of sign conversions where its intrinsics are macros, at -O0
 VARIANT_avx512 = -Wno-sign-conversion -DSPLATSHADOW_IMPLEMENTATION -mavx512f -mavx512dq -mavx512bw -mavx512vl -mfma
-ifeq ($(filter x86_64 amd64 i%86,$(shell uname -m)),)
+ifeq ($(X86),)
 CHECK_VARIANTS = plain sse2 face
 endif
 # Warnings that engines and browsers switch on for their own code; those that they switch off stay on here. Godot 4:
@@ -107,7 +107,7 @@ ENGINE_CHECKS = gcc_c++17_godot clang_c11_godotclang clang_c++20_unreal clang_c1
 EVERY_CHECK = $(foreach c,$(CHECK_COMPILERS),$(foreach s,$(CHECK_STANDARDS),$(foreach v,$(CHECK_VARIANTS),$(c)_$(s)_$(v))))
 SHORT_CHECKS = gcc_c99_% clang_c++11_% gcc_c++11_sse2 clang_c99_face
 CHECKS = $(if $(SPLATSHADOW_LONG),$(EVERY_CHECK),$(filter $(SHORT_CHECKS),$(EVERY_CHECK))) $(STATIC_CHECKS) $(ENGINE_CHECKS)
-EXAMPLE_CHECKS = $(foreach c,gcc $(if $(SPLATSHADOW_LONG),clang),$(foreach e,$(EXAMPLES:build/%=%) $(MEASURES),$(c)_$(e))) $(if $(SPLATSHADOW_LONG),,clang_hello)
+EXAMPLE_CHECKS = $(foreach c,gcc $(if $(SPLATSHADOW_LONG),clang),$(foreach e,$(EXAMPLES:build/%=%) dispatch $(MEASURES),$(c)_$(e))) $(if $(SPLATSHADOW_LONG),,clang_hello)
 HELLO_RUNS = $(if $(SPLATSHADOW_LONG),gcc clang)
 
 part = $(word $(1),$(subst _, ,$(2)))
@@ -223,7 +223,7 @@ run-tests: $(INSTALL_CHECKS_THERE:%=build/tests/install.%.log) $(foreach c,$(REA
 	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) $(READY_STEPS) \
 	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log build/tests/cases.log build/tests/names.log \
 	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log build/tests/header.no_reference.log $(if $(STB_THERE),build/tests/header.migrate.log)) build/tests/header.empty.log $(if $(TCC_THERE),build/tests/header.tcc.log) \
-	$(SHADER_COMPILERS_THERE:%=build/tests/shaders.%.log)
+	$(if $(filter gcc,$(THERE)),build/tests/dispatch.log) $(SHADER_COMPILERS_THERE:%=build/tests/shaders.%.log)
 endif
 
 # $(call run,name,command): the command's output and exit status in build/tests/name.log; shown if it failed.
@@ -336,6 +336,12 @@ build/tests/header.link.log: splatshadow.h build/tests/header.gcc_c99_sse2.log b
 	@$(call run,header.link,(cd build/tests && $(LINK_USER) && gcc -std=c99 -I../.. -c link_user.c && \
 		gcc link_user.o header.gcc_c99_sse2.o -o link_c -lm && ./link_c && \
 		gcc link_user.o header.gcc_c++11_sse2.o -o link_cpp -lm -lstdc++ && ./link_cpp) && $(ONE_PASSED))
+
+# examples/dispatch.c, beside the objects of other rows, in C with the same flags, and in C++
+DISPATCH_PLAIN = $(if $(X86),$(VARIANTS:%=gcc_c99_%)) gcc_c++11_sse2
+build/tests/dispatch.log: tests/dispatch.sh tests/dispatch.c tests/port_pictures.h tests/check.h examples/dispatch.c splatshadow.h $(DISPATCH_PLAIN:%=build/tests/header.%.log)
+	@$(call run,dispatch,CC=gcc VARIANTS="$(VARIANTS)" $(foreach v,$(VARIANTS),FLAGS_$(v)="$(FLAGS_$(v))" \
+		PLAIN_$(v)=build/tests/header.gcc_c99_$(v).o) PLAIN_cpp=build/tests/header.gcc_c++11_sse2.o sh $< build/tests/dispatch)
 
 # The quick start, built from the installed files, and by CMake
 build/tests/install.%.log: tests/install.sh splatshadow.h Makefile README.md $(wildcard docs/*.md examples/cmake/*)

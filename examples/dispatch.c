@@ -1,26 +1,26 @@
-/* dispatch.c: the library for every processor of a kind, in one program. It is compiled several times, and chooses
-   among itself when the program runs. A program that includes splatshadow.h, and has no implementation, is linked with
-   all of these; its calls stay as they are:
+/* dispatch.c: one library for every processor of a kind. This file is compiled once for each variant, and once to
+   choose a variant when a program runs. The program includes splatshadow.h without the implementation, calls the
+   library as ever, and is linked with all objects:
 
-       cc -O3 -I. -c dispatch.c -o dispatch.o
-       cc -O3 -I. -DVARIANT=sse2 -c dispatch.c -o sse2.o
-       cc -O3 -I. -DVARIANT=avx2 -mavx2 -mfma -c dispatch.c -o avx2.o
-       cc -O3 -I. -DVARIANT=avx512 -mavx512f -mavx512dq -mavx512bw -mavx512vl -mfma -c dispatch.c -o avx512.o
+       cc -O3 -I. -c examples/dispatch.c -o dispatch.o
+       cc -O3 -I. -DVARIANT=sse2 -c examples/dispatch.c -o sse2.o
+       cc -O3 -I. -DVARIANT=avx2 -mavx2 -mfma -c examples/dispatch.c -o avx2.o
+       cc -O3 -I. -DVARIANT=avx512 -mavx512f -mavx512dq -mavx512bw -mavx512vl -mfma -c examples/dispatch.c -o avx512.o
 
-   64-bit ARM has neon, and plain with -DSPS_NO_SIMD; other processors have plain alone. -DDISPATCH_MOST=1 on the first
-   line leaves out AVX-512, 0 all but the first variant. `make build/libsplatshadow.a` does all that, and so does the
-   target splatshadow::dispatch of cmake/.
+   64-bit ARM has plain (with -DSPS_NO_SIMD) and neon; other processors have plain alone. In the first line,
+   -DDISPATCH_MOST=1 leaves out AVX-512, and 0 all but the first variant. `make build/libsplatshadow.a` does all this,
+   and so does the target splatshadow::dispatch of cmake/.
 
-   A variant has SPS_API static, and exports the library's functions with its name behind theirs. No function is left
-   that a linker could share among variants: what is compiled for AVX-512 would crash other processors. */
+   In a variant, SPS_API is static. What it exports are functions with its name behind theirs, sps_render_avx2. Variants
+   share no other function, since a linker might then run what is compiled for AVX-512 on any processor. */
 
 #define JOIN_(a, b) a##_##b
 #define JOIN(a, b)  JOIN_(a, b)
 
 #ifdef VARIANT
 
-/* The library compares a scene's callbacks with its own. Programs have the addresses of those that choose. So these
-   macros rename the variant's own where they are declared and called, but not where they are compared. */
+/* The library compares a scene's callbacks with these three. Programs have the addresses of those that choose. So
+   macros rename the variant's own where they are declared or called, but not where they are compared. */
 #include <stddef.h>
 #ifdef __cplusplus
 extern "C" {

@@ -23,12 +23,10 @@ value_of() { eval "echo \"\$$1\""; }
 # Names of an object that a linker sees, a line each: name and type
 exported() { nm -P -g "$1" | awk '$2 != "U" { sub(/^_/, "", $1); print $1, $2 }' | sort; }
 
-# Names that a chooser leaves to others, of variants alone
-wanted() { nm -P -u "$1" | awk '{ sub(/^_/, "", $1); sub(/^sps_.*_/, "", $1); print $1 }' | sort -u; }
-
 # The library's functions, with what follows their names
 functions() {
-    awk -v end="$1" '/^#ifdef SPLATSHADOW_IMPL/ { exit } /^SPS_API / { sub(/\(.*/, ""); sub(/.*[ *]/, ""); print $0 end }' splatshadow.h | sort
+    awk -v end="$1" '/^#ifdef SPLATSHADOW_IMPL/ { exit }
+        /^SPS_API / { sub(/\(.*/, ""); sub(/.*[ *]/, ""); print $0 end }' splatshadow.h | sort
 }
 
 # Whether this processor has what a variant needs, as the system tells
@@ -69,21 +67,23 @@ check_choice() { # most, variant
     $COMPILE $WARN "-DDISPATCH_MOST=$1" -c examples/dispatch.c -o "$folder/choose.o"
     functions " T" > "$folder/expected.txt"
     exported "$folder/choose.o" | diff "$folder/expected.txt" - || fail "dispatch.c lacks functions"
-    "$CC" "$folder/program.o" "$folder/choose.o" $objects -o "$folder/chosen_$2" -lm || fail "$2 wants more than $objects"
+    "$CC" "$folder/program.o" "$folder/choose.o" $objects -o "$folder/chosen_$2" -lm ||
+        fail "more is wanted than $objects"
     "$folder/chosen_$2" "$folder/chosen_$2.txt"
     supported "$2" && best=$2
     [ -e "$folder/plain_$best.txt" ] || "$folder/plain_$best" "$folder/plain_$best.txt"
     cmp "$folder/chosen_$2.txt" "$folder/plain_$best.txt" || fail "up to $2, $best does not run"
-    [ -z "$before" ] || [ "$before" = "$best" ] || check_difference "$folder/plain_$before.txt" "$folder/plain_$best.txt"
+    [ "${before:-$best}" = "$best" ] || check_difference "$folder/plain_$before.txt" "$folder/plain_$best.txt"
     before=$best
 }
 
-# Vectors of other widths round differently, but not by more than docs/ports.md says: where light scatters more than once,
-# by no more than the residual that its solver tolerates.
+# Vectors of other widths round differently, but not by more than docs/ports.md says: with multiple scattering, by no
+# more than the residual that its solver tolerates.
 check_difference() { # pictures, pictures
     difference=$("$folder/plain_$best" compare "$1" "$2")
     echo "$1 and $2 differ by $difference"
-    echo "$difference" | awk '{ d = $1 + 0; exit !(d > 0 && d <= ($0 ~ /multiple/ ? 5e-4 : 1e-5)) }' || fail "that is not what ports do"
+    echo "$difference" | awk '{ exit !($1 + 0 > 0 && $1 + 0 <= ($0 ~ /multiple/ ? 5e-4 : 1e-5)) }' ||
+        fail "it is not as ports.md says"
 }
 
 # Of all entries, names of parameters and arguments
@@ -96,7 +96,10 @@ check_arguments() {
             count = split(part[2], parameter, ",")
             names = ""
             arguments = substr(part[3], 2)
-            for (i = 1; i <= count; ++i) { sub(/.*[ *]/, "", parameter[i]); names = names (i > 1 ? "," : "") parameter[i] }
+            for (i = 1; i <= count; ++i) {
+                sub(/.*[ *]/, "", parameter[i])
+                names = names (i > 1 ? "," : "") parameter[i]
+            }
             gsub(/ /, "", arguments)
             if (names != (arguments == "" ? "void" : arguments)) { print entry; bad = 1 }
         }

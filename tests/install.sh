@@ -71,6 +71,11 @@ check_cmake() {
     } > "$folder/consumer/CMakeLists.txt"
     build_by_cmake "$folder/consumer" "$folder/fetched" -O0
     "$folder/fetched/program"
+    [ -n "${SPLATSHADOW_LONG:-}" ] || return 0
+    sed -i 's/splatshadow::splatshadow/splatshadow::dispatch/' "$folder/consumer/CMakeLists.txt"
+    sed -i '/IMPLEMENTATION/d' "$folder/consumer/version.c"
+    build_by_cmake "$folder/consumer" "$folder/dispatched" -O0
+    "$folder/dispatched/program"
 }
 
 # The picture of the quick start has a header and 3 numbers, 0 to 255, for each pixel, and is not black.

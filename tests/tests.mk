@@ -338,7 +338,7 @@ build/tests/header.link.log: splatshadow.h build/tests/header.gcc_c99_sse2.log b
 		gcc link_user.o header.gcc_c++11_sse2.o -o link_cpp -lm -lstdc++ && ./link_cpp) && $(ONE_PASSED))
 
 # examples/dispatch.c, beside the objects of other rows, in C with the same flags, and in C++
-DISPATCH_PLAIN = $(if $(X86),$(VARIANTS:%=gcc_c99_%)) gcc_c++11_sse2
+DISPATCH_PLAIN = $(if $(X86),$(VARIANTS:%=gcc_c99_%)) $(if $(filter gcc,$(CPP_THERE)),gcc_c++11_sse2)
 build/tests/dispatch.log: tests/dispatch.sh tests/dispatch.c tests/port_pictures.h tests/check.h examples/dispatch.c splatshadow.h $(DISPATCH_PLAIN:%=build/tests/header.%.log)
 	@$(call run,dispatch,CC=gcc VARIANTS="$(VARIANTS)" $(foreach v,$(VARIANTS),FLAGS_$(v)="$(FLAGS_$(v))" \
 		PLAIN_$(v)=build/tests/header.gcc_c99_$(v).o) PLAIN_cpp=build/tests/header.gcc_c++11_sse2.o sh $< build/tests/dispatch)

@@ -10,7 +10,7 @@
 # make ports       builds for other processors, systems and standards, tests under emulators, into docs/ports.md
 # make rivals      the same scenes by other renderers, error and time and memory of each, into docs/rivals.md
 # make bench       times, as ratios within one run, and error against time
-# make speed       the goals of speed, and how time grows, into docs/speed.md and docs/speed_*.png
+# make speed       the goals of speed, and how time grows, into docs/speed.md and docs/speed_*.png; BEFORE=old header
 # make accuracy    error and time of every knob in twelve scenes, into docs/accuracy.md and docs/accuracy_*.png
 # make accuracy-quick  the scenes with a closed form and two knobs of it, in half a minute; SCENE=name: all of that scene
 # make prices      the README's table: error and time of six scenes in the default mode
@@ -156,34 +156,40 @@ build/measure/%: tests/measure/%.c $(HEADERS) $(wildcard tests/measure/*.h examp
 	$(CC) $(STANDARD) $(OPTIMIZE) $(WARNINGS_C) $(INCLUDES) -Iexamples -Itests $< build/splatshadow.o -o $@ $(LIBRARIES)
 
 # See the top of tests/measure/bench.c for its parts. bench_plain is plain C, bench_avx2 has vectors of 8 floats at most,
-# and bench_dispatch chooses.
-.PHONY: bench speed accuracy accuracy-quick accuracy-tables
-BENCHES = build/measure/bench build/measure/bench_dispatch $(if $(X86),build/measure/bench_avx2) build/measure/bench_plain
+# and bench_dispatch chooses. BEFORE=path/splatshadow.h: bench_before is of that header, and its frames stand beside ours.
+.PHONY: bench speed accuracy accuracy-quick accuracy-tables FORCE
+BUILDS = bench bench_dispatch $(if $(X86),bench_avx2) bench_plain
+BENCHES = $(patsubst %,build/measure/%,$(BUILDS) $(if $(BEFORE),bench_before))
 
 bench: $(BENCHES) build/measure/files
 	build/measure/bench
 	build/measure/files
+	@$(COMPARE_DEFAULT)
 	@$(COMPARE_BUILDS)
 	build/measure/bench_plain maps
 
+build/before/splatshadow.h: FORCE
+	@mkdir -p $(@D) && { cmp -s $(BEFORE) $@ || cp $(BEFORE) $@; }
+
+build/measure/bench_before: build/before/splatshadow.h
+build/measure/bench_before: ONLY = -Ibuild/before
 build/measure/bench_plain: ONLY = -DSPS_NO_SIMD
 build/measure/bench_avx2: ONLY = -mno-avx512f
-build/measure/bench_plain build/measure/bench_avx2: tests/measure/bench.c $(HEADERS) $(wildcard tests/measure/*.h) | build/measure
+$(filter-out build/measure/bench build/measure/bench_dispatch,$(BENCHES)): tests/measure/bench.c $(HEADERS) $(wildcard tests/measure/*.h) | build/measure
 	$(CC) $(STANDARD) $(OPTIMIZE) $(ONLY) -DSPLATSHADOW_IMPLEMENTATION $(WARNINGS_C) $(INCLUDES) -Iexamples $< -o $@ $(LIBRARIES)
 
 build/measure/bench_dispatch: tests/measure/bench.c $(HEADERS) $(wildcard tests/measure/*.h) build/libsplatshadow.a | build/measure
 	$(CC) $(STANDARD) $(OPTIMIZE) $(INCLUDES) -Iexamples $< build/libsplatshadow.a -o $@ $(LIBRARIES)
 
-# Rows of the table of goals: time of each build's frames, with 1 worker, over that of bench; the least of turns.
-COMPARE_BUILDS = for turn in 1 2 3; do for build in $(notdir $(BENCHES)); do build/measure/$$build frames | sed "s/^/$$build /"; done; done | awk ' \
-	NF == 3 && (!(($$1, $$2) in least) || $$3 < least[$$1, $$2]) { least[$$1, $$2] = $$3 } \
-	NF == 3 && !seen[$$1, $$2]++ && $$1 != "bench" { builds[++rows] = $$1; frames[rows] = $$2 } \
-	END { for (i = 1; i <= rows; ++i) printf "| %s, medium, 1 worker: %s / bench, time | %.2f | | | |\n", \
-		frames[i], builds[i], least[builds[i], frames[i]] / least["bench", frames[i]] }'
+# Rows of both tables, by builds that take turns.
+TURNS = sh tests/measure/turns.sh
+COMPARE_DEFAULT = $(TURNS) before $(if $(BEFORE),bench_before) bench; $(if $(X86),GOAL='<= 1.2' $(TURNS) single bench bench_avx2)
+COMPARE_BUILDS = $(TURNS) frames $(BUILDS)
 
 # Of the page, what stands before the first printed line and from the next heading of its own on is kept.
 speed: $(BENCHES)
-	{ build/measure/bench goals; $(COMPARE_BUILDS); build/measure/bench curves docs; } | tee build/speed.txt
+	{ build/measure/bench default; $(COMPARE_DEFAULT); build/measure/bench goals | sed 1d; $(COMPARE_BUILDS); \
+		build/measure/bench curves docs; } | tee build/speed.txt
 	@{ sed '/^[0-9]* processors/,$$d' docs/speed.md; cat build/speed.txt; echo; sed -n '/^## Advice/,$$p' docs/speed.md; } > build/speed.md
 	cp build/speed.md docs/speed.md
 

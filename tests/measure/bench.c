@@ -2,12 +2,15 @@
    ratios hold on a machine of any speed; each figure stands on its own line with the project's target beside it.
    bench            everything; with SPLATSHADOW_DATA=folder, where the scans of bonsai and smoke lie, those too
    bench speed      without the tables of error against time
+   bench default    what the default mode takes beside single scattering, and other ratios with goals, in Markdown
    bench goals      the project's goals of speed, as a table in Markdown
    bench curves DIR how time grows with image, slabs, voxels and lights: in Markdown, and as charts in the folder
-   bench frames     times of three frames, one a line, to compare builds
+   bench frames, bench single, bench before
+                    rows without repetition, to compare builds by turns.sh: three frames, default / single scattering,
+                    frames beside an older header's
    bench basics     the bonsai, splatting, empty space and particles
    bench filling    splatting and gathering
-   bench lights     one light and more, by maps, sheets and shadow tables; sharp and soft shadows
+   bench lights     one light and more, by maps and sheets; sharp and soft shadows
    bench polygons   the tree of triangles, shadow rays, rasterising and textures alone
    bench edges      samples of polygons' edges: error and time; with SPLATSHADOW_DATA also of the teapot there
    bench scattering light scattered once, forward and in every direction: times
@@ -27,6 +30,8 @@
 #include "bench_search.h"
 #include "bench_goals.h"
 #include "bench_curves.h"
+#include "puffs.h"
+#include "bench_default.h"
 
 #define TARGET_ERROR 0.001
 
@@ -971,82 +976,6 @@ static void bench_edges(void) {
 
 /* ================================================================================================== lights */
 
-/* Frames of one scene that differ by their lights. The light of MADE turns before each frame, so that its table is made
-   anew; from HELD on tables are held and the camera moves. */
-enum { BARE, SHEETS, MADE, HELD, TWO, THREE, FOUR, TABLE_KINDS };
-
-typedef struct table_trial {
-    sps_tmap_settings table;
-    sps_light lights[4];
-    frame frame;
-    ex_session session; /* of its own: a context holds the tables of its last call */
-} table_trial;
-
-static void table_trial_begin(table_trial *t, const frame *from, int kind, contender *c) {
-    static const double turns[4][2] = {{0, 0}, {1.2, 0}, {0, 1.1}, {1, 0.9}}; /* of x and z */
-    memset(t, 0, sizeof *t);
-    ex_session_measure(&t->session, program, WORKERS);
-    t->table.technique = SPS_TMAP_TABLE;
-    frame_copy(&t->frame, from);
-    for (int i = 0; i < 4; ++i) {
-        t->lights[i] = from->light;
-        t->lights[i].direction[0] += turns[i][0], t->lights[i].direction[2] += turns[i][1];
-        t->lights[i].shadow_map = kind >= MADE ? &t->table : NULL;
-    }
-    t->frame.scene.lights = t->lights, t->frame.scene.light_count = kind > HELD ? 1 + kind - HELD : 1;
-    contender_set(c, &t->session, &t->frame, kind == BARE);
-    c->moving = kind == MADE ? &t->lights[0].direction[0] : kind > MADE ? &c->view.camera.position[0] : NULL;
-}
-
-/* What shadow tables cost: made and held, for one light and for more; and what sheets cost and show. */
-static void bench_tables(const char *name, const frame *from) {
-    static const char *const ordinals[] = {"second", "third", "fourth"};
-    static table_trial trials[TABLE_KINDS];
-    contender c[TABLE_KINDS];
-    double mean = 0;
-    for (int i = 0; i < TABLE_KINDS; ++i) table_trial_begin(&trials[i], from, i, &c[i]);
-    race(c, TABLE_KINDS, REPEATS);
-    printf("\nShadow tables: %s, %d x %d, 2 workers, voxels held\n", name, from->view.width, from->view.height);
-    plain("unshadowed, one light", c[BARE].seconds, "s");
-    print_stages(&c[BARE].stats);
-    plain("by sheets / unshadowed", c[SHEETS].seconds / c[BARE].seconds, "");
-    at_most("table made in the frame / unshadowed", c[MADE].seconds / c[BARE].seconds, "", 1.6);
-    print_stages(&c[MADE].stats);
-    at_most("table held, camera moved / unshadowed", c[HELD].seconds / c[BARE].seconds, "", 1.15);
-    print_stages(&c[HELD].stats);
-    for (int i = TWO; i <= FOUR; ++i) {
-        char what[80];
-        snprintf(what, sizeof what, "the %s light adds, of a frame with one table held", ordinals[i - TWO]);
-        at_most(what, 100 * (c[i].seconds - c[i - 1].seconds) / c[HELD].seconds, "%", 40);
-    }
-    for (int i = SHEETS; i <= HELD; i += HELD - SHEETS)
-        render_seconds(&trials[i].session, &trials[i].frame, &trials[i].frame.view);
-    for (int i = 0; i < from->view.width * from->view.height; ++i) mean += (double)trials[SHEETS].frame.rgba[4 * i + 1];
-    mean /= (double)from->view.width * from->view.height;
-    plain("rms difference of table and sheets, of the mean",
-          100 * frames_rms(&trials[SHEETS].frame, &trials[HELD].frame) / mean, "%");
-    plain("memory of a context that holds one table", 1e-6 * (double)c[HELD].stats.bytes, "MB");
-    plain("... and with sheets", 1e-6 * (double)c[SHEETS].stats.bytes, "MB");
-    for (int i = 0; i < TABLE_KINDS; ++i) {
-        ex_session_end(&trials[i].session);
-        frame_end(&trials[i].frame);
-    }
-}
-
-/* The blob over a plane, and the bonsai as a gas. */
-static void bench_all_tables(void) {
-    ex_grid grid;
-    frame f;
-    blob_frame(&f, 64, 512);
-    bench_tables("a blob of 64^3 voxels over a plane", &f);
-    frame_end(&f);
-    if (bonsai_load(&grid)) return;
-    bonsai_frame(&f, &grid);
-    bench_tables("bonsai as a gas", &f);
-    frame_end(&f);
-    ex_grid_free(&grid);
-}
-
 /* One light and two, by maps and by sheets: lights with maps share one eye sweep. */
 static void bench_lights(void) {
     enum { GRID = 64, SIZE = 512 };
@@ -1255,17 +1184,6 @@ static void paths_frame(frame *f, const sps_lobe *lobe) {
     f->volume.lobes = lobe, f->volume.lobe_count = 1;
 }
 
-/* The time of the reference with that many paths a pixel; 0: of marching light that scatters once. */
-static double walk_seconds(ex_session *session, frame *f, int samples, float *error) {
-    const sps_reference_settings settings = {.step = 0.5, .seed = 1, .samples = samples, .error = error};
-    const double start = ex_now(NULL);
-    sps_image image;
-    memset(&image, 0, sizeof image);
-    image.rgba = f->rgba;
-    ex_stop_unless_ok(sps_reference(session->context, &f->scene, &f->view, &settings, &image), program, session);
-    return ex_now(NULL) - start;
-}
-
 /* What the standard error of multiple scattering costs. */
 static void bench_walks(ex_session *session, frame *f, walked *w) {
     const double once = walk_seconds(session, f, 0, NULL);
@@ -1467,7 +1385,6 @@ static void bench_basics(void) {
 
 static void bench_shadows(void) {
     bench_lights();
-    bench_all_tables();
     bench_penumbrae();
 }
 
@@ -1482,16 +1399,18 @@ typedef struct part {
     void (*run)(void);
 } part;
 
-static const part parts[] = {{"goals", bench_goals},           {"basics", bench_basics},     {"filling", bench_filling},
-                             {"lights", bench_shadows},        {"polygons", bench_polygons}, {"edges", bench_edges},
-                             {"scattering", bench_scattering}, {"paths", bench_paths},       {"maps", bench_maps},
-                             {"accuracy", bench_errors}};
+static const part parts[] = {{"default", bench_default}, {"goals", bench_goals},           {"basics", bench_basics},
+                             {"filling", bench_filling}, {"lights", bench_shadows},        {"polygons", bench_polygons},
+                             {"edges", bench_edges},     {"scattering", bench_scattering}, {"paths", bench_paths},
+                             {"maps", bench_maps},       {"accuracy", bench_errors}};
 enum { PARTS = sizeof parts / sizeof *parts };
 
 int main(int argc, char **argv) {
     const char *wanted = argc > 1 ? argv[1] : "";
     int done = 0;
     if (argc == 2 && strcmp(wanted, "frames") == 0) return bench_frames(), 0;
+    if (argc == 2 && strcmp(wanted, "single") == 0) return bench_single(), 0;
+    if (argc == 2 && strcmp(wanted, "before") == 0) return bench_before(), 0;
     if (argc == 2 && strcmp(wanted, "cheapest") == 0) return bench_cheapest(), 0;
     if (argc == 3 && strcmp(wanted, "curves") == 0) return bench_growth(argv[2]), 0;
     for (int i = 0; i < PARTS && argc <= 2; ++i) {
@@ -1501,7 +1420,9 @@ int main(int argc, char **argv) {
         parts[i].run();
     }
     if (done) return 0;
-    fprintf(stderr, "%s: give nothing, or `speed`, or `frames`, or `cheapest`, or `curves FOLDER`", argv[0]);
+    fprintf(stderr,
+            "%s: give nothing, or `speed`, or `frames`, or `single`, or `before`, or `cheapest`, or `curves FOLDER`",
+            argv[0]);
     for (int i = 0; i < PARTS; ++i) fprintf(stderr, ", or `%s`", parts[i].name);
     fprintf(stderr, "\n");
     return 2;

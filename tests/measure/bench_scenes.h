@@ -68,6 +68,17 @@ static inline sps_result march(ex_session *session, const frame *f, double step,
     return sps_reference(session->context, &f->scene, &f->view, &settings, image);
 }
 
+/* Its seconds with that many paths a pixel, into the frame's picture; 0: only marches light that scatters once. */
+static inline double walk_seconds(ex_session *session, frame *f, int samples, float *error) {
+    const sps_reference_settings settings = {.step = 0.5, .seed = 1, .samples = samples, .error = error};
+    const double start = ex_now(NULL);
+    sps_image image;
+    memset(&image, 0, sizeof image);
+    image.rgba = f->rgba;
+    ex_stop_unless_ok(sps_reference(session->context, &f->scene, &f->view, &settings, &image), program, session);
+    return ex_now(NULL) - start;
+}
+
 /* A way to render a frame that is timed against others. */
 typedef struct contender {
     ex_session *session;
@@ -76,6 +87,8 @@ typedef struct contender {
     double *moving;     /* a coordinate that moves a little before each frame; may be NULL */
     sps_light *turning; /* lights that turn a little, so that their tables are made anew; may be NULL */
     int turning_count;
+    double orbit;   /* radians that the camera turns about its target before each frame */
+    int fresh;      /* each frame has a context of its own; its making is not timed */
     double seconds; /* median */
     sps_stats_report stats;
 } contender;
@@ -86,14 +99,30 @@ static inline void contender_set(contender *c, ex_session *session, const frame 
     c->view.no_shadows = no_shadows;
 }
 
+static inline void camera_orbit(sps_camera *camera, double angle) {
+    const double x = camera->position[0] - camera->target[0], z = camera->position[2] - camera->target[2];
+    camera->position[0] = camera->target[0] + cos(angle) * x + sin(angle) * z;
+    camera->position[2] = camera->target[2] + cos(angle) * z - sin(angle) * x;
+}
+
+/* What changes before each frame. */
+static inline void contender_advance(contender *c) {
+    const int workers = c->session->pool.worker_count;
+    if (c->moving) *c->moving += 1e-3;
+    for (int k = 0; c->turning && k < c->turning_count; ++k) c->turning[k].direction[0] += 1e-3;
+    if (c->orbit > 0) camera_orbit(&c->view.camera, c->orbit);
+    if (!c->fresh) return;
+    ex_session_end(c->session);
+    ex_session_measure(c->session, program, workers);
+}
+
 /* Times all in turns, so that whatever else the machine does falls on each alike; the first round only warms up. */
 static inline void race(contender *contenders, int count, int repeats) {
     double *seconds = (double *)ex_allocate((size_t)(count * repeats), sizeof *seconds);
     for (int r = -1; r < repeats; ++r)
         for (int i = 0; i < count; ++i) {
             contender *c = contenders + i;
-            if (c->moving) *c->moving += 1e-3;
-            for (int k = 0; c->turning && k < c->turning_count; ++k) c->turning[k].direction[0] += 1e-3;
+            contender_advance(c);
             const double took = render_seconds(c->session, c->frame, &c->view);
             if (r >= 0) seconds[i * repeats + r] = took;
             sps_get_stats(c->session->context, &c->stats);
@@ -142,6 +171,15 @@ static inline double frames_rms(const frame *a, const frame *b) {
     for (size_t i = 0; i < count; ++i)
         if (i % 4 != 3) sum += pow((double)a->rgba[i] - (double)b->rgba[i], 2);
     return sqrt(sum / (0.75 * (double)count));
+}
+
+/* Mean radiance. */
+static inline double frame_mean(const frame *f) {
+    const size_t count = 4 * (size_t)f->view.width * (size_t)f->view.height;
+    double sum = 0;
+    for (size_t i = 0; i < count; ++i)
+        if (i % 4 != 3) sum += (double)f->rgba[i];
+    return sum / (0.75 * (double)count);
 }
 
 /* A part of a square frame's pixels by sps_reference: every stride-th in each direction. */

@@ -42,4 +42,14 @@ static int cloud_read(void *user, const int lo[3], const int size[3], float *val
     return 0;
 }
 
+static inline int cloud_range(void *user, const int lo[3], const int size[3], float range[2]) {
+    (void)user;
+    for (int i = 0; i < puff_count; ++i) {
+        int meets = 1;
+        for (int k = 0; k < 3; ++k) meets &= puffs[i][k] + RADIUS > lo[k] && puffs[i][k] - RADIUS < lo[k] + size[k];
+        if (meets) range[1] = PUFFS;
+    }
+    return 0;
+}
+
 #endif /* PUFFS_H */

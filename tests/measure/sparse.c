@@ -20,16 +20,6 @@
 enum { WIDE = 4000, WIDE_FIRST = 1400, ROUNDS = 3 };
 enum { APART = 16, ISOLATED = 512, BONSAI = 256 };
 
-static int cloud_range(void *user, const int lo[3], const int size[3], float range[2]) {
-    (void)user;
-    for (int i = 0; i < puff_count; ++i) {
-        int meets = 1;
-        for (int k = 0; k < 3; ++k) meets &= puffs[i][k] + RADIUS > lo[k] && puffs[i][k] - RADIUS < lo[k] + size[k];
-        if (meets) range[1] = PUFFS;
-    }
-    return 0;
-}
-
 static int isolated_read(void *user, const int lo[3], const int size[3], float *values) {
     (void)user;
     for (int i = 0; i < size[0] * size[1] * size[2]; ++i) {

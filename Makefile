@@ -186,11 +186,12 @@ TURNS = sh tests/measure/turns.sh
 COMPARE_DEFAULT = $(TURNS) before $(if $(BEFORE),bench_before) bench; $(if $(X86),GOAL='<= 1.2' $(TURNS) single bench bench_avx2)
 COMPARE_BUILDS = $(TURNS) frames $(BUILDS)
 
-# Of the page, what stands before the first printed line and from the next heading of its own on is kept.
+# Of the page, what stands before the first printed line and from the next heading of its own on is kept. Charts stand
+# for the tables of curves.
 speed: $(BENCHES)
 	{ build/measure/bench default; $(COMPARE_DEFAULT); build/measure/bench goals | sed 1d; $(COMPARE_BUILDS); \
 		build/measure/bench curves docs; } | tee build/speed.txt
-	@{ sed '/^[0-9]* processors/,$$d' docs/speed.md; cat build/speed.txt; echo; sed -n '/^## Advice/,$$p' docs/speed.md; } > build/speed.md
+	@{ sed '/^[0-9]* processors/,$$d' docs/speed.md; sed '/^## Curves/,$${/^|/d;}' build/speed.txt | cat -s; echo; sed -n '/^## Advice/,$$p' docs/speed.md; } > build/speed.md
 	cp build/speed.md docs/speed.md
 
 # Twelve scenes, every knob: docs/accuracy.md, of which the first lines and the sections of single effects are kept, its

@@ -8,9 +8,9 @@
    bench frames, bench single, bench before
                     rows without repetition, to compare builds by turns.sh: three frames, default / single scattering,
                     frames beside an older header's
-   bench basics     the bonsai, splatting, empty space and particles
+   bench basics     the bonsai, splatting and empty space
    bench filling    splatting and gathering
-   bench lights     one light and more, by maps and sheets; sharp and soft shadows
+   bench lights     sharp and soft shadows
    bench polygons   the tree of triangles, shadow rays, rasterising and textures alone
    bench edges      samples of polygons' edges: error and time; with SPLATSHADOW_DATA also of the teapot there
    bench scattering light scattered once, forward and in every direction: times
@@ -102,23 +102,20 @@ static void bonsai_memory(const frame *f, sps_filling filling) {
 }
 
 static void bonsai_speed(frame *f, const char *name, sps_shading shading, ex_session *one, ex_session *two) {
-    contender c[4];
+    contender c[3];
     f->volume.shading = shading;
     contender_set(&c[0], two, f, 0);
-    contender_set(&c[1], two, f, 1);
+    contender_set(&c[1], one, f, 0);
     contender_set(&c[2], one, f, 0);
-    contender_set(&c[3], one, f, 0);
-    c[3].view.filling = SPS_FILLING_SPLAT;
-    race(c, 4, REPEATS);
+    c[2].view.filling = SPS_FILLING_SPLAT;
+    race(c, 3, REPEATS);
     printf(" shaded as %s\n", name);
     at_most("frame at medium, 512 x 512, 2 workers, voxels held", c[0].seconds, "s", 0.6);
     print_stages(&c[0].stats);
-    at_most("shadowed / unshadowed time", c[0].seconds / c[1].seconds, "", 1.8);
-    at_least("1 worker / 2 workers, time", c[2].seconds / c[0].seconds, "", 1.7);
-    plain("1 worker", c[2].seconds, "s");
-    plain("1 worker, splatted: footprints instead of samples", c[3].seconds, "s");
-    print_stages(&c[3].stats);
-    at_least("fragments, sorting and shading included, on one core", 1e-9 * fragments_per_second(&c[3].stats), "G/s",
+    plain("1 worker", c[1].seconds, "s");
+    plain("1 worker, splatted: footprints instead of samples", c[2].seconds, "s");
+    print_stages(&c[2].stats);
+    at_least("fragments, sorting and shading included, on one core", 1e-9 * fragments_per_second(&c[2].stats), "G/s",
              3);
 }
 
@@ -372,34 +369,6 @@ static void bench_maps(void) {
     at_most("the same, Fourier", update_ratio(&sessions[0], program, SPS_TMAP_FOURIER), "", 0.15);
     at_most("the same, moments", update_ratio(&sessions[0], program, SPS_TMAP_MOMENT), "", 0.15);
     for (int i = 0; i < 2; ++i) ex_session_end(&sessions[i]);
-}
-
-/* ================================================================================================ particles */
-
-/* A cloud of balls in the picture, 1024 x 768, with and without shadows. */
-static void bench_particles(void) {
-    static const size_t counts[2] = {100000, 1000000};
-    ex_session session;
-    ex_session_measure(&session, program, WORKERS);
-    printf("\nParticles in the picture, 1024 x 768, one light, %d workers\n", WORKERS);
-    for (int n = 0; n < 2; ++n) {
-        sps_particles particles;
-        contender c[2];
-        frame f;
-        char what[100];
-        particles_frame(&f, &particles, counts[n]);
-        for (int i = 0; i < 2; ++i) contender_set(&c[i], &session, &f, i == 0);
-        race(c, 2, 3);
-        snprintf(what, sizeof what, "%.1f million: a shadowed frame", 1e-6 * (double)counts[n]);
-        plain(what, c[1].seconds, "s");
-        plain("shadowed / unshadowed time", c[1].seconds / c[0].seconds, "");
-        plain("fragments splatted", 1e-9 * fragments_per_second(&c[1].stats), "G/s");
-        plain("memory, all of the context", 1e-6 * (double)c[1].stats.bytes_peak, "MB");
-        print_stages(&c[1].stats);
-        frame_end(&f);
-        free(particles.user);
-    }
-    ex_session_end(&session);
 }
 
 typedef struct best_setting {
@@ -974,49 +943,6 @@ static void bench_edges(void) {
     ex_session_end(&session);
 }
 
-/* ================================================================================================== lights */
-
-/* One light and two, by maps and by sheets: lights with maps share one eye sweep. */
-static void bench_lights(void) {
-    enum { GRID = 64, SIZE = 512 };
-    sps_tmap_settings settings;
-    sps_light lights[4][2];
-    ex_session session;
-    frame frames[4];
-    contender c[4];
-    memset(&settings, 0, sizeof settings);
-    settings.technique = SPS_TMAP_DEEP_OPACITY;
-    ex_session_measure(&session, program, WORKERS);
-    for (int i = 0; i < 4; ++i) {
-        blob_frame(&frames[i], GRID, SIZE);
-        contender_set(&c[i], &session, &frames[i], 0);
-    }
-    for (int i = 0; i < 4; ++i) {
-        for (int k = 0; k < 2; ++k) {
-            lights[i][k] = frames[i].light;
-            if (i < 2) lights[i][k].shadow_map = &settings;
-            if (i >= 2) lights[i][k].shadow_source = SPS_SHADOW_SHEETS;
-        }
-        lights[i][1].direction[0] = 0.5, lights[i][1].direction[2] = -0.5;
-        frames[i].scene.lights = lights[i], frames[i].scene.light_count = 1 + i % 2;
-    }
-    race(c, 4, REPEATS);
-    printf("\nLights: a blob of %d^3 voxels over a plane, %d x %d, 2 workers\n", GRID, SIZE, SIZE);
-    for (int i = 0; i < 4; ++i) {
-        char what[64];
-        sps_plan_report plan;
-        ex_stop_unless_ok(sps_plan(session.context, &frames[i].scene, &frames[i].view, &plan), program, &session);
-        snprintf(what, sizeof what, "%s by %s: sweeps %d, samples for the eye %.1f M",
-                 i % 2 ? "two lights" : "one light", i < 2 ? "maps" : "sheets", plan.sweep_count,
-                 1e-6 * (double)c[i].stats.eye_samples);
-        plain(what, c[i].seconds, "s");
-    }
-    at_most("samples for the eye, two lights with maps / one",
-            (double)c[1].stats.eye_samples / (double)c[0].stats.eye_samples, "", 1);
-    for (int i = 0; i < 4; ++i) frame_end(&frames[i]);
-    ex_session_end(&session);
-}
-
 /* =============================================================================================== penumbrae */
 
 /* A frame under a sun of 10 degrees: time against a sharp sun, and what its points miss compared with 256 of them. The
@@ -1380,12 +1306,6 @@ static void bench_basics(void) {
     bench_bonsai();
     bench_splatting();
     bench_empty_space();
-    bench_particles();
-}
-
-static void bench_shadows(void) {
-    bench_lights();
-    bench_penumbrae();
 }
 
 static void bench_errors(void) {
@@ -1400,7 +1320,7 @@ typedef struct part {
 } part;
 
 static const part parts[] = {{"default", bench_default}, {"goals", bench_goals},           {"basics", bench_basics},
-                             {"filling", bench_filling}, {"lights", bench_shadows},        {"polygons", bench_polygons},
+                             {"filling", bench_filling}, {"lights", bench_penumbrae},      {"polygons", bench_polygons},
                              {"edges", bench_edges},     {"scattering", bench_scattering}, {"paths", bench_paths},
                              {"maps", bench_maps},       {"accuracy", bench_errors}};
 enum { PARTS = sizeof parts / sizeof *parts };

@@ -277,9 +277,8 @@ static void curve_lights(const char *folder) {
 /* ================================================================================================== the page */
 
 static void bench_growth(const char *folder) {
-    printf("\n## Curves\n\nUnless a table says otherwise: frames of 512 x 512 at `medium`, 2 workers, cached voxels.\n"
-           "Growth is the exponent between a row and the previous one: 1 means that twice as much\n"
-           "takes twice the time, 0 that it takes no longer.\n");
+    printf("\n## Curves\n\nFrames of 512 x 512 at `medium`, 2 workers, cached voxels. `build/speed.txt` has the "
+           "figures.\n");
     curve_views(folder);
     curve_voxels(folder);
     curve_lights(folder);

@@ -27,8 +27,10 @@ static void goal_row(const char *what, double value, const char *unit, const cha
     }
     if (!(fabs(g.accept) > 0))
         printf(" |\n");
-    else if (over[0] > 1)
+    else if (over[0] > 1 && over[0] < HUGE_VAL)
         printf(" missed by %.0f %% |\n", 100 * (over[0] - 1));
+    else if (over[0] > 1)
+        printf(" missed |\n");
     else
         printf(" %s |\n", fabs(g.aim) > 0 && over[1] <= 1 ? "aim met" : "met");
     fflush(stdout);

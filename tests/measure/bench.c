@@ -6,8 +6,8 @@
    bench goals      the project's goals of speed, as a table in Markdown
    bench curves DIR how time grows with image, slabs, voxels and lights: in Markdown, and as charts in the folder
    bench frames, bench single, bench before
-                    rows without repetition, to compare builds by turns.sh: three frames, default / single scattering,
-                    frames beside an older header's
+                    rows that turns.sh asks for line by line, to compare builds: three frames, the default mode beside
+                    single scattering, frames beside an older header's
    bench basics     the bonsai, splatting and empty space
    bench filling    splatting and gathering
    bench lights     sharp and soft shadows

@@ -393,10 +393,23 @@ static void bench_default(void) {
     light_rows();
 }
 
-/* Some of the first rows, once each: their ratios, by builds that take turns. */
-static void bench_single(void) { pair_row(&pairs[0], 0, 1), pair_row(&pairs[4], 0, 1), pair_row(&pairs[7], 0, 1); }
-
 /* ================================================================================== the same by other builds */
+
+/* Waits for turns.sh to say that it is this build's turn: a line on stdin, or its end. */
+static void wait_turn(void) {
+    int c;
+    do c = getchar();
+    while (c != '\n' && c != EOF);
+}
+
+/* Some of the first rows: their ratios. */
+static void bench_single(void) {
+    for (int i = 0; i < 3 * ALTERNATIONS; ++i) {
+        static const int some[3] = {0, 4, 7};
+        wait_turn();
+        pair_row(&pairs[some[i / ALTERNATIONS]], 0, 1);
+    }
+}
 
 /* A row without a ratio, which turns.sh works out. */
 static void seconds_row(const char *name, double seconds, goal g) {
@@ -412,15 +425,18 @@ static void seconds_row(const char *name, double seconds, goal g) {
     fflush(stdout);
 }
 
-/* Renders two frames and prints the second's seconds; ends the frame. */
+/* In each turn, renders two frames and prints the second's seconds. Ends the frame. */
 static void frame_row(const char *name, frame *f, int workers, change by, goal g) {
     ex_session session;
     contender c;
     ex_session_measure(&session, program, workers);
     contender_set(&c, &session, f, 0);
     contender_change(&c, f, by);
-    race(&c, 1, 1);
-    seconds_row(name, c.seconds, g);
+    for (int i = 0; i < ALTERNATIONS; ++i) {
+        wait_turn();
+        race(&c, 1, 1);
+        seconds_row(name, c.seconds, g);
+    }
     frame_end(f);
     ex_session_end(&session);
 }
@@ -448,22 +464,15 @@ static void bench_frames(void) {
     bonsai_row("bonsai, medium, 1 worker", 1, no_goal);
 }
 
-static void sparse_rows(void) {
+static void sparse_row(const char *name, change by, goal g) {
     static const int size[3] = {CLOUD, CLOUD, CLOUD};
     static const double half[3] = {1, 1, 1};
-    ex_session session;
     frame f;
-    puffs_place();
-    ex_session_measure(&session, program, WORKERS);
     gas_frame(&f, NULL, size, half, 256, 256);
     f.volume.read_fn = cloud_read, f.volume.range_fn = cloud_range, f.volume.extinction = 25;
     for (int i = 0; i < 3; ++i) f.volume.albedo[i] = 0.8f, f.light.color[i] = 3;
     f.view.scattering = SPS_SCATTERING_SINGLE;
-    const double first = render_seconds(&session, &f, &f.view);
-    seconds_row("sparse cloud, first frame", first, (goal){0.4, 0});
-    seconds_row("sparse cloud, later", render_seconds(&session, &f, &f.view), (goal){0.3, 0});
-    frame_end(&f);
-    ex_session_end(&session);
+    frame_row(name, &f, WORKERS, by, g);
 }
 
 /* Frames that are compared with an older header's. */
@@ -480,7 +489,9 @@ static void bench_before(void) {
     particles_frame(&f, &particles, 1000000);
     frame_row("1 million particles", &f, WORKERS, STILL, (goal){0.55, 0});
     free(particles.user);
-    sparse_rows();
+    puffs_place();
+    sparse_row("sparse cloud, first frame", FRESH, (goal){0.4, 0});
+    sparse_row("sparse cloud, later", STILL, (goal){0.3, 0});
     default_frame(&f, QUICK, 256);
     frame_row("quick start, 256^2, 1 worker", &f, 1, FRESH, (goal){1, 0});
     default_frame(&f, GROUND, 512);

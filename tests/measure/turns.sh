@@ -1,11 +1,34 @@
-# sh tests/measure/turns.sh PART BASE [BUILD...]: rows of a part of build/measure/BASE and of other builds of bench, which
-# take turns, once in each of 7: medians of a build's figure over that of the base. With the base alone: its figures.
-# GOAL='<= 1.2': instead of the rows' own goals.
+# sh tests/measure/turns.sh PART BASE [BUILD...]: rows of a part of build/measure/BASE and of up to two other builds of
+# bench: medians of a build's figure over that of the base. With the base alone: its figures. All run at once, and wait
+# for a line before each figure, so that figures take turns. GOAL='<= 1.2': instead of the rows' own goals.
 part=$1
 shift
-for turn in 1 2 3 4 5 6 7; do
-    for build; do build/measure/$build $part | sed "s/^/$build /"; done
-done | awk -F ' *[|] *' -v builds="$*" -v own_goal="$GOAL" '
+folder=$(mktemp -d) || exit 1
+trap 'rm -rf "$folder"' EXIT
+fd=3
+for build; do
+    mkfifo "$folder/in$fd" "$folder/out$fd" || exit 1
+    build/measure/$build $part < "$folder/in$fd" > "$folder/out$fd" &
+    eval "exec $fd> $folder/in$fd $((fd + 3))< $folder/out$fd"
+    fd=$((fd + 1))
+done
+trap '' PIPE # a build that has ended reads no more
+
+take_turns() {
+    while :; do
+        fd=3
+        for build; do
+            eval "echo >&$fd" 2> /dev/null
+            while :; do
+                eval "read -r line <&$((fd + 3))" || return
+                case $line in "|"*) echo "$build $line" && break ;; esac
+            done
+            fd=$((fd + 1))
+        done
+    done
+}
+
+take_turns "$@" | awk -F ' *[|] *' -v builds="$*" -v own_goal="$GOAL" '
 function median(build, name,    n, i, j, list) {
     n = seen[build, name]
     for (i = 1; i <= n; ++i) {

@@ -171,11 +171,15 @@ bench: $(BENCHES) build/measure/files
 build/before/splatshadow.h: FORCE
 	@mkdir -p $(@D) && { cmp -s $(BEFORE) $@ || cp $(BEFORE) $@; }
 
-build/measure/bench_before: build/before/splatshadow.h
-build/measure/bench_before: ONLY = -Ibuild/before
+build/before/splatshadow.o: build/before/splatshadow.h
+	$(CC) $(STANDARD) $(OPTIMIZE) -DSPLATSHADOW_IMPLEMENTATION -x c -c $< -o $@
+
+build/measure/bench_before: tests/measure/bench.c build/before/splatshadow.o $(HEADERS) $(wildcard tests/measure/*.h) | build/measure
+	$(CC) $(STANDARD) $(OPTIMIZE) $(WARNINGS_C) -Ibuild/before $(INCLUDES) -Iexamples $< build/before/splatshadow.o -o $@ $(LIBRARIES)
+
 build/measure/bench_plain: ONLY = -DSPS_NO_SIMD
 build/measure/bench_avx2: ONLY = -mno-avx512f
-$(filter-out build/measure/bench build/measure/bench_dispatch,$(BENCHES)): tests/measure/bench.c $(HEADERS) $(wildcard tests/measure/*.h) | build/measure
+build/measure/bench_plain build/measure/bench_avx2: tests/measure/bench.c $(HEADERS) $(wildcard tests/measure/*.h) | build/measure
 	$(CC) $(STANDARD) $(OPTIMIZE) $(ONLY) -DSPLATSHADOW_IMPLEMENTATION $(WARNINGS_C) $(INCLUDES) -Iexamples $< -o $@ $(LIBRARIES)
 
 build/measure/bench_dispatch: tests/measure/bench.c $(HEADERS) $(wildcard tests/measure/*.h) build/libsplatshadow.a | build/measure

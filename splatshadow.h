@@ -4164,8 +4164,7 @@ typedef enum spsi_choice {
     SPSI_CHOICE_TABLE_IN_GAS, /* light in or near the medium: no slabs fit */
     SPSI_CHOICE_TABLE_CAMERA, /* no slabs suit both light and camera */
     SPSI_CHOICE_TABLES,       /* several tables for an area light */
-    SPSI_CHOICE_TABLE_SHARED, /* saves the light's own sweep */
-    SPSI_CHOICE_TABLE_AGAIN   /* >>cells needs one anyway */
+    SPSI_CHOICE_TABLE_SHARED  /* saves the light's own sweep */
 } spsi_choice;
 
 typedef struct spsi_light {
@@ -4190,7 +4189,6 @@ typedef struct spsi_light {
     spsi_choice choice;
     int tables;                    /* tables for its points; 0 or 1: not split */
     int map_size;                  /* longer side in texels; 0: fitted to the medium */
-    const spsi_bounds *map_bounds; /* bounds of media in the map; NULL: all */
     int map_omnidirectional;
     sps_tmap_settings map;         /* technique resolved */
     float planes[65];              /* copy of map.planes, if any */
@@ -4949,7 +4947,7 @@ SPSI_COLD void spsi_resolve_quality(spsi_frame *frame) {
     if (!(frame->view.slab_thickness > 0)) frame->view.slab_thickness = slab[looks][quality];
     if (frame->view.scattering_resolution == 0) {
         frame->view.scattering_resolution = cells[quality];
-        frame->accuracy.cells_least = cells[quality] / 3;
+        frame->accuracy.cells_least = cells[quality] / 2;
     }
     if (!(frame->view.scattering_tolerance > 0)) frame->view.scattering_tolerance = 0.01f;
     if (frame->view.sky_samples == 0) frame->view.sky_samples = sky_samples[quality];
@@ -8966,14 +8964,10 @@ SPSI_COLD double spsi_depth_map_texel(const spsi_frame *frame) {
     return 0.5 * frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame, NULL);
 }
 
-SPSI_COLD const spsi_bounds *spsi_light_bounds(const spsi_frame *frame, const spsi_light *light) {
-    return light->map_bounds ? light->map_bounds : &frame->content->bounds;
-}
-
 /* One ray grid if a cone covers the medium, else six faces. Returns the count; 0: too far from the world's
    origin. */
 SPSI_COLD int spsi_light_rays(const spsi_frame *frame, const spsi_light *light, spsi_rays rays[SPSI_CUBE_FACES]) {
-    const spsi_bounds *bounds = spsi_light_bounds(frame, light);
+    const spsi_bounds *bounds = &frame->content->bounds;
     const double texel = spsi_light_texel(frame, light);
     const int most = spsi_map_texels_most(frame, light);
     double farthest = 0;
@@ -9071,7 +9065,7 @@ SPSI_COLD sps_result spsi_light_grid_aim(sps_context *context, const spsi_frame 
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, light->index, "shadow_map", 0,
                               SPSI_TEXELS_ALIKE);
     double depths[2];
-    spsi_light_grid_depths(grid, spsi_light_bounds(frame, light), depths);
+    spsi_light_grid_depths(grid, &frame->content->bounds, depths);
     /* keeps distant media's depth range above round-off */
     const double low = grid->face_count > 1 ? 0 : depths[0];
     const double high = spsi_dmax(depths[1], low + spsi_dmax(1e-12 * fabs(low), DBL_MIN / DBL_EPSILON));
@@ -13270,7 +13264,6 @@ typedef enum spsi_target_kind {
     SPSI_TARGET_EYE,
     SPSI_TARGET_SAMPLES, /* samples for cells or spreading light */
     SPSI_TARGET_MAP,     /* lights from here on */
-    SPSI_TARGET_COARSE,  /* texels wider than classified voxels */
     SPSI_TARGET_SHEETS
 } spsi_target_kind;
 
@@ -14532,7 +14525,6 @@ typedef struct spsi_occluders {
     const uint32_t *tile_starts, *tile_casters; /* CSR lists per tile; tile_casters NULL: all */
     int *boxes;                                 /* triangles' bounds, in texels */
     spsi_map_volumes *volumes;                  /* NULL: none */
-    int coarse;                                 /* 1: texels may be wider than classified voxels */
     spsi_call_stage part;
     spsi_bounds bounds; /* volume boxes and particles */
 } spsi_occluders;
@@ -15460,12 +15452,11 @@ SPSI_COLD sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *fra
 SPSI_COLD sps_result spsi_map_volumes_build(sps_context *context, const spsi_occluders *occluders,
                                             const spsi_rays *rays) {
     const spsi_frame *frame = occluders->frame;
-    const spsi_target_kind kind = occluders->coarse ? SPSI_TARGET_COARSE : SPSI_TARGET_MAP;
     spsi_map_volumes *volumes = occluders->volumes;
     spsi_target *target = &volumes->target;
     memset(volumes, 0, sizeof *volumes);
     if (spsi_tmap_slabs(context, frame, rays, &volumes->slabs)) return context->result;
-    if (spsi_target_build(context, frame, rays, &volumes->slabs, kind, 0, target)) return context->result;
+    if (spsi_target_build(context, frame, rays, &volumes->slabs, SPSI_TARGET_MAP, 0, target)) return context->result;
     spsi_light_shader_build(target, &volumes->shader);
     return spsi_contents_build(context, target, NULL, &volumes->contents);
 }
@@ -16243,14 +16234,12 @@ SPSI_COLD sps_result spsi_shadow_table_begin(sps_context *context, const spsi_fr
     return SPS_OK;
 }
 
-/* `coarse`: as in spsi_occluders. */
 SPSI_COLD sps_result spsi_shadow_table_fill(sps_context *context, const spsi_frame *frame, const spsi_light *light,
-                                            int coarse, const spsi_call_stage *part, spsi_shadow_table *table) {
+                                            const spsi_call_stage *part, spsi_shadow_table *table) {
     sps_tmap map;
     spsi_occluders occluders;
     memset(&occluders, 0, sizeof occluders);
     occluders.frame = frame;
-    occluders.coarse = coarse;
     occluders.part = *part;
     const size_t entries = (size_t)spsi_shadow_table_blocks(&table->grid) * SPSI_SHADOW_TABLE_TEXELS;
     if (!spsi_buffer_reserve(context, &table->pairs, entries * (size_t)table->planes, sizeof(uint32_t)))
@@ -17857,8 +17846,8 @@ SPSI_COLD void spsi_choose_for_light(sps_context *context, const spsi_frame *fra
         if (light->tables > 1) light->choice = SPSI_CHOICE_TABLES;
         return;
     }
-    if ((!others && !spsi_uses_cells(frame)) || frame->matter.classifies || light->extent.exists) return;
-    spsi_light_choose_table(light, 1, others ? SPSI_CHOICE_TABLE_SHARED : SPSI_CHOICE_TABLE_AGAIN);
+    if (!others || frame->matter.classifies || light->extent.exists) return;
+    spsi_light_choose_table(light, 1, SPSI_CHOICE_TABLE_SHARED);
     spsi_light_tmap_bytes(frame, light, &held, &filling);
     const double bytes = (double)held + (double)filling;
     frame->content->bounds = *plain;
@@ -18059,7 +18048,7 @@ SPSI_COLD sps_result spsi_translucency_maps_build(sps_context *context, const sp
 SPSI_COLD sps_result spsi_shadow_table_make(sps_context *context, const spsi_frame *frame, const spsi_light *light,
                                             const spsi_call_stage *part, spsi_shadow_table *table) {
     if (table->pairs.data) return SPS_OK;
-    if (spsi_shadow_table_fill(context, frame, light, 0, part, table)) return context->result;
+    if (spsi_shadow_table_fill(context, frame, light, part, table)) return context->result;
     if (spsi_has_shadow_table(light)) spsi_shadow_table_count(context, table, 0);
     return SPS_OK;
 }
@@ -22935,7 +22924,7 @@ SPSI_COLD void spsi_groups_build(const sps_context *context, const spsi_frame *f
 }
 
 /* Cells along the longest side. They must resolve the optical depth along it, at the medium's mean extinction weighted by
-   mass: their number grows with its root. Cells need not be smaller than three pixels. Multiples of 4 keep most moving
+   mass: their number grows with its root. Cells need not be smaller than two pixels. Multiples of 4 keep most moving
    cameras' cells. */
 SPSI_COLD int spsi_cells_across(const spsi_frame *frame, const spsi_gas_group *group) {
     const int most = frame->view.scattering_resolution, least = frame->accuracy.cells_least;
@@ -22946,7 +22935,7 @@ SPSI_COLD int spsi_cells_across(const spsi_frame *frame, const spsi_gas_group *g
     if (least == most || frame->matter.emits) return most;
     for (int k = 0; k < 3; ++k) to[k] = 0.5 * (group->bounds.low[k] + group->bounds.high[k]) - eye->origin[k];
     pixel = frame->every_light ? 0 : spsi_pixel_size_at(eye, spsi_length(to) / spsi_length(eye->c));
-    if (pixel > 0) wanted = spsi_dmin(wanted, most / 144.0 * longest / pixel);
+    if (pixel > 0) wanted = spsi_dmin(wanted, most / 96.0 * longest / pixel);
     return (int)spsi_dmax(least, spsi_dmin(4 * ceil(0.25 * wanted), most));
 }
 
@@ -25149,7 +25138,7 @@ static void spsi_plan_tmap_bytes(sps_context *context, const spsi_frame *frame, 
     *held = *filling = 0;
     if (!is_read)
         spsi_light_tmap_bytes(frame, light, held, filling);
-    else if (!spsi_bounds_empty(spsi_light_bounds(frame, light)) &&
+    else if (!spsi_bounds_empty(&frame->content->bounds) &&
              !spsi_shadow_table_aim(context, frame, light, &table))
         spsi_table_bytes(frame, light, &table.grid,
                          (size_t)spsi_shadow_table_blocks(&table.grid) * SPSI_SHADOW_TABLE_TEXELS, (size_t)table.planes,
@@ -25633,7 +25622,7 @@ SPSI_COLD size_t spsi_table_cached_bytes(sps_context *context, const spsi_frame 
     const spsi_shadow_table *held = (const spsi_shadow_table *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     spsi_shadow_table table;
     if (!gas || !spsi_has_shadow_table(light) || context->shadow_table_count == 0) return 0;
-    if (spsi_bounds_empty(spsi_light_bounds(frame, light))) return 0; /* volumes are empty */
+    if (spsi_bounds_empty(&frame->content->bounds)) return 0; /* volumes are empty */
     if (spsi_shadow_table_aim(context, frame, light, &table)) return 0;
     const uint64_t key = spsi_shadow_table_key(frame, &table, gas);
     for (int i = 0; i < context->shadow_table_count; ++i)
@@ -25669,11 +25658,10 @@ SPSI_COLD void spsi_work_count(sps_context *context, spsi_frame *frame, double v
     memset(work, 0, sizeof *work);
     spsi_choose_shadows(context, frame);
     spsi_work_add_sweeps(frame, work);
-    /* With cells, maps count towards the cells' stage. */
     for (int i = 0; i < frame->lights.count; ++i) {
         const spsi_light *light = &frame->lights.list[i];
         size_t side;
-        if (!light->has_map || spsi_uses_cells(frame) || spsi_bounds_empty(spsi_light_bounds(frame, light))) continue;
+        if (!light->has_map || spsi_bounds_empty(&frame->content->bounds)) continue;
         if (spsi_table_cached_bytes(context, frame, light, gas)) {
             work->tables_held = 1;
             continue;
@@ -26554,9 +26542,8 @@ SPSI_COLD const char *spsi_plan_map_reason(const spsi_frame *frame) {
                                           "a table: the light is in the gas",
                                           "a table: no slabs serve both the light and so wide a camera",
                                           "tables that an area light's points share: no slabs serve it; steps show",
-                                          "a table: the light shares the sweep of another",
-                                          "a table: it serves the light in the cells, too"};
-    for (int choice = SPSI_CHOICE_SHEETS + 1; choice <= SPSI_CHOICE_TABLE_AGAIN; ++choice)
+                                          "a table: the light shares the sweep of another"};
+    for (int choice = SPSI_CHOICE_SHEETS + 1; choice <= SPSI_CHOICE_TABLE_SHARED; ++choice)
         for (int i = 0; i < frame->lights.count; ++i)
             if ((int)frame->lights.list[i].choice == choice) return reasons[choice];
     return reasons[SPSI_CHOICE_CALLER];

@@ -907,30 +907,31 @@ static void test_deep(void) {
 
 /* Lookups are linear between cells' centres, and constant beyond the outermost. */
 static void test_lookups(void) {
-    float seen[2 * 8 * 3 * 4 + SPSI_LANES], out[SPSI_LANES];
+    float seen[4 * 8 * 3 * 4], out[SPSI_LANES];
     check_random random = {4};
     spsi_cell_grid small;
     memset(&small, 0, sizeof small);
     small.size[0] = 5, small.size[1] = 3, small.size[2] = 4;
     small.pitch = 8, small.count = 8 * 3 * 4, small.channels = 2, small.seen = seen;
     for (int c = 0; c < 2; ++c)
-        for (int i = 0; i < 96; ++i) seen[96 * c + i] = (float)(c + i % 8 + 10 * (i / 8 % 3) + 100 * (i / 24));
+        for (int i = 0; i < 96; ++i) seen[4 * i + c] = (float)(c + i % 8 + 10 * (i / 8 % 3) + 100 * (i / 24));
     for (int n = 0; n < 200; ++n) {
         double p[3], inside[3];
-        spsi_v at[3];
+        spsi_v at[3], four[4];
         for (int k = 0; k < 3; ++k) {
             p[k] = (double)(float)(8 * check_next(&random) - 2);
             inside[k] = fmax(0, fmin(p[k], small.size[k] - 1));
             at[k] = spsi_set((float)p[k]);
         }
-        spsi_store(out, spsi_cells_lookup(&small, 0, n % 2, at));
+        spsi_cells_lookup(&small, 0, at, 1, four);
+        spsi_store(out, four[n % 2]);
         CHECK_NEAR((double)out[0], n % 2 + inside[0] + 10 * inside[1] + 100 * inside[2], 1e-3);
     }
 }
 
 /* An empty cell beside gas shows what gas would show there, if it went on as it goes: linearly, and never below 0. */
 static void test_continued(void) {
-    float seen[8 * 3 * 3 + SPSI_LANES] = {0}, depth[8 * 3 * 3 + SPSI_LANES] = {0};
+    float seen[4 * 8 * 3 * 3] = {0}, depth[8 * 3 * 3 + SPSI_LANES] = {0};
     const int middle_cell[3] = {3, 1, 1}, corner_cell[3] = {0, 0, 0};
     const int here = 3 + 8 + 24;
     spsi_cell_grid small;
@@ -938,15 +939,15 @@ static void test_continued(void) {
     small.size[0] = 7, small.size[1] = small.size[2] = 3;
     small.pitch = 8, small.count = 72, small.depth = depth;
     CHECK_NEAR((double)spsi_cells_extrapolated(&small, seen, middle_cell), 0, 0);
-    depth[here + 1] = 1, seen[here + 1] = 3; /* one cell only */
+    depth[here + 1] = 1, seen[4 * (here + 1)] = 3; /* one cell only */
     CHECK_NEAR((double)spsi_cells_extrapolated(&small, seen, middle_cell), 3, 0);
-    depth[here + 2] = 1, seen[here + 2] = 1;
+    depth[here + 2] = 1, seen[4 * (here + 2)] = 1;
     CHECK_NEAR((double)spsi_cells_extrapolated(&small, seen, middle_cell), 5, 0);
-    seen[here + 2] = 7;
+    seen[4 * (here + 2)] = 7;
     CHECK_NEAR((double)spsi_cells_extrapolated(&small, seen, middle_cell), 0, 0);
-    depth[here - 8] = 1, seen[here - 8] = 5; /* at the grid's end: as it is */
+    depth[here - 8] = 1, seen[4 * (here - 8)] = 5; /* at the grid's end: as it is */
     CHECK_NEAR((double)spsi_cells_extrapolated(&small, seen, middle_cell), 2.5, 0);
-    depth[24] = 1, seen[24] = 6;
+    depth[24] = 1, seen[4 * 24] = 6;
     CHECK_NEAR((double)spsi_cells_extrapolated(&small, seen, corner_cell), 6, 0);
 }
 
@@ -962,8 +963,8 @@ static void test_continued_in_scene(void) {
         const int at[3] = {i % made->size[0], i / made->size[0] % made->size[1], i / (made->size[0] * made->size[1])};
         const size_t cell = (size_t)(i / made->size[0]) * (size_t)made->pitch + (size_t)at[0];
         if (made->depth[cell] > 0) continue;
-        CHECK_NEAR((double)made->seen[cell], (double)spsi_cells_extrapolated(made, made->seen, at), 0);
-        beside += made->seen[cell] > 0;
+        CHECK_NEAR((double)made->seen[4 * cell], (double)spsi_cells_extrapolated(made, made->seen, at), 0);
+        beside += made->seen[4 * cell] > 0;
     }
     CHECK(beside > 20);
 }

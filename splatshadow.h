@@ -774,6 +774,9 @@ typedef struct sps_view {
     /* Instead of budget_seconds: maximum RMS error of radiance, relative to its mean, or 0. Takes the cheapest setting
        expected to keep it; UNSUPPORTED if there is none. An estimate, not a guarantee: docs/budget.md. */
     double budget_error;
+    /* With budget_seconds, without region: the smallest share of width and height that may be rendered, up to 1; 0: 1.
+       The picture begins at the buffers' top left; row_pixels 0 remains the view's width. */
+    double budget_scale_min;
     uint32_t end_canary; /* leave 0 */
 } sps_view;
 
@@ -832,6 +835,7 @@ typedef struct sps_budget_report {
     double slab_thickness;
     float tolerance;
     int samples, scattering_resolution; /* 0: no area light without `samples`; single scattering */
+    int width, height;                  /* of the picture, or of the region */
 } sps_budget_report;
 
 typedef enum sps_pass {
@@ -1985,11 +1989,11 @@ typedef struct spsi_link {
 #define SPSI_FIELD_SIZE    sizeof(((sps_error_info *)0)->field)
 #define SPSI_SENTENCE_SIZE sizeof(((sps_error_info *)0)->sentence)
 
-enum { SPSI_PRESETS = 7, SPSI_POINT_PRESETS = 4, SPSI_CELL_PRESETS = 4 };
+enum { SPSI_PRESETS = 7, SPSI_POINT_PRESETS = 4, SPSI_CELL_PRESETS = 4, SPSI_SIZE_PRESETS = 5 };
 
 /* >>budget */
 typedef struct spsi_setting {
-    int gas, points, cells;
+    int gas, points, cells, size;
 } spsi_setting;
 
 typedef enum spsi_stage {
@@ -2017,8 +2021,11 @@ typedef struct spsi_rates {
     spsi_setting setting;
     spsi_work work;
     double seconds_pyramids; /* spent on pyramids in this frame */
-    uint64_t scattered;    /* hash of multiple scattering cached under a budget */
-    spsi_setting scattered_by;
+    uint64_t scattered;      /* hash of multiple scattering cached under a budget */
+    double recent[SPSI_STAGE_COUNT][SPSI_PRESETS][2]; /* the last two rates */
+    uint64_t asked[2], shown[2]; /* hashes of what budgets depend on, and of all that moves: last frame's, this one's */
+    int frames, wait;            /* with the same `asked`, up to 3; until the setting may change */
+    spsi_setting held;           /* the last frame's */
 } spsi_rates;
 
 typedef struct spsi_bounds {
@@ -4418,6 +4425,7 @@ typedef struct spsi_frame {
     spsi_content *content;
     sps_scene given; /* arrays valid only while building; `ambient` includes the sky's minimum */
     sps_view view;     /* resolved; shadow_resolution 0: fitted */
+    int size[2];       /* of the region, before a budget shrinks it */
     sps_object viewer; /* object for view errors */
     spsi_accuracy accuracy;
     int medium_count;
@@ -4888,6 +4896,9 @@ SPSI_COLD sps_result spsi_check_budget(const spsi_subject *at, const sps_view *v
         {"budget_error", view->budget_error, 0, DBL_MAX, "it must be 0, or positive and finite"},
         {"budget_error", view->budget_error, 0, view->budget_seconds > 0 ? 0 : DBL_MAX,
          "budget_seconds is set, too: set one of both"},
+        {"budget_scale_min", view->budget_scale_min, 0,
+         view->budget_seconds > 0 && !spsi_has_region(view->region) ? 1 : 0,
+         "it must be 0, or up to 1 with budget_seconds and without region"},
         {"quality", (double)(int)view->quality, 0, spare, rule},
         {"slab_thickness", view->slab_thickness, 0, spare, rule},
         {"tolerance", (double)view->tolerance, 0, spare, rule},
@@ -4982,6 +4993,7 @@ SPSI_COLD sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) 
         view->region[2] = view->width;
         view->region[3] = view->height;
     }
+    if (frame->size[0] == 0) memcpy(frame->size, view->region + 2, sizeof frame->size);
     eye->width = view->width;
     eye->height = view->height;
     if (spsi_rays_build(context, SPS_OBJECT_VIEW, &view->camera, eye)) return context->result;
@@ -25512,7 +25524,8 @@ SPSI_COLD sps_result spsi_run_sweep(spsi_run *run, const spsi_call_stage *part) 
 }
 
 /* =============================================================================================== >>budget
-   37 Chooses settings within a budget from three ladders of presets: medium, area light points, and cells. Predicted
+   37 Chooses settings within a budget from four ladders: presets of medium, area light points and cells, and sizes of
+   the picture. After the third frame, a setting is kept unless it misses or another is clearly better. Predicted
    time sums each stage's work times the rate last measured with that preset or the nearest, else a start value. Finer
    settings never count as faster, except for cached parts and splatted coarse slabs. Errors, twice the worst in a list
    of scenes, add in quadrature. `make budget-fit` (tests/measure/budget.c) prints rates and errors. Cost: aiming lights
@@ -25554,12 +25567,18 @@ SPSI_COLD int spsi_lights_are_open(const spsi_frame *frame) {
 SPSI_COLD sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame, const spsi_setting *setting) {
     const spsi_preset preset = spsi_preset_of(frame, setting->gas);
     spsi_lights *lights = &frame->lights;
-    frame->view.quality = preset.quality;
-    frame->view.slab_thickness = 0;
-    frame->view.tolerance = preset.tolerance;
-    frame->view.scattering_resolution = spsi_cell_presets[setting->cells];
-    spsi_resolve_quality(frame);
-    if (preset.slab_thickness > 0) frame->view.slab_thickness = preset.slab_thickness, frame->accuracy.slab_pixels = 0;
+    sps_view *view = &frame->view;
+    if (view->budget_scale_min > 0) {
+        const double scale = pow(view->budget_scale_min, setting->size / (SPSI_SIZE_PRESETS - 1.0));
+        view->region[2] = view->width = (int)ceil(scale * frame->size[0]);
+        view->region[3] = view->height = (int)ceil(scale * frame->size[1]);
+    }
+    view->quality = preset.quality;
+    view->slab_thickness = 0;
+    view->tolerance = preset.tolerance;
+    view->scattering_resolution = spsi_cell_presets[setting->cells];
+    if (spsi_resolve_view(context, frame)) return context->result;
+    if (preset.slab_thickness > 0) view->slab_thickness = preset.slab_thickness, frame->accuracy.slab_pixels = 0;
     frame->accuracy.light_points = spsi_point_presets[setting->points];
     for (int i = 0; i < lights->whole_count; ++i)
         if (lights->whole[i].choice != SPSI_CHOICE_CALLER)
@@ -25709,8 +25728,8 @@ SPSI_COLD double spsi_rate(const sps_context *context, spsi_stage stage, const s
    voxels. The thickest slabs get three times the worst, as their errors vary most around a light. */
 static const double spsi_gas_errors[2][SPSI_PRESETS] = {{0.4, 0.2, 0.055, 0.02, 0.006, 0.004, 0.0035},
                                                         {0.14, 0.14, 0.14, 0.07, 0.036, 0.029, 0.028}};
-/* Errors of spheres under lights with shadows, per optical depth across one. */
-static const double spsi_sphere_errors[SPSI_PRESETS] = {5, 3.1, 1.7, 0.83, 0.26, 0.26, 0.097};
+/* Errors of spheres of optical depth 1 across, under lights with shadows. They grow as its power 0.75. */
+static const double spsi_sphere_errors[SPSI_PRESETS] = {3.5, 1.8, 0.95, 0.4, 0.145, 0.145, 0.048};
 static const double spsi_point_errors[SPSI_POINT_PRESETS] = {0.31, 0.11, 0.038, 0.014};
 static const double spsi_cell_errors[SPSI_CELL_PRESETS] = {0.28, 0.13, 0.065, 0.043};
 
@@ -25723,6 +25742,8 @@ SPSI_COLD double spsi_light_error(const spsi_light *light, const spsi_setting *s
     return spsi_point_errors[at] * spsi_dmax(1, sqrt((double)spsi_point_presets[0] / light->samples));
 }
 
+#define SPSI_BLUR 0.1 /* twice the worst error of pictures of half the size, enlarged bilinearly */
+
 /* Against black, a medium with relative error e, covering a fraction c of pixels, has error e / sqrt(c) in the image.
    Out of view, it may still shadow polygons. `spheres`: from spsi_spheres_depth. */
 SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting *setting, double spheres) {
@@ -25731,7 +25752,7 @@ SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting
     const double shown = covered > 0 ? pixels / covered : frame->meshes.triangle_count > 0 ? 1 : 0;
     const int again = spsi_uses_cells(frame) || spsi_convolves(frame);
     const double cells = again ? spsi_cell_errors[setting->cells] : 0;
-    const double sphere = frame->lights.shadow_count > 0 ? spsi_sphere_errors[setting->gas] * spheres : 0;
+    const double sphere = frame->lights.shadow_count > 0 ? spsi_sphere_errors[setting->gas] * pow(spheres, 0.75) : 0;
     double gas = 0, points = 0, most = 0; /* most: voxel depth; at 0.5..3.2, errors are 1.1..3.2 times the table's */
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
@@ -25742,31 +25763,41 @@ SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting
         gas = spsi_gas_errors[frame->matter.classifies][setting->gas] * spsi_dmax(1, pow(most / 0.3, 0.55));
     for (int i = 0; i < frame->lights.count; ++i)
         points = spsi_dmax(points, spsi_light_error(&frame->lights.list[i], setting));
-    return sqrt(points * points + (gas * gas + sphere * sphere + cells * cells) * shown);
+    const double blur = SPSI_BLUR * ((double)frame->size[1] / frame->view.region[3] - 1);
+    return sqrt(blur * blur + points * points + (gas * gas + sphere * sphere + cells * cells) * shown);
 }
 
 /* --- the choice --- */
 
-enum { SPSI_CANDIDATES = SPSI_PRESETS * SPSI_POINT_PRESETS * SPSI_CELL_PRESETS };
+enum { SPSI_EACH_SIZE = SPSI_PRESETS * SPSI_POINT_PRESETS * SPSI_CELL_PRESETS,
+       SPSI_CANDIDATES = SPSI_SIZE_PRESETS * SPSI_EACH_SIZE };
 
 typedef struct spsi_candidate {
     int exists;   /* 1: rendering would accept it */
     int is_known; /* 1: all rates are measured */
     int is_held;  /* 1: cached data saves work */
     double seconds, error;
+    double making; /* of `seconds`, for cells that later frames hold */
+    double charge; /* `seconds`, with what must be spared */
 } spsi_candidate;
 
 SPSI_COLD spsi_setting spsi_candidate_setting(int n) {
-    const spsi_setting setting = {n / (SPSI_POINT_PRESETS * SPSI_CELL_PRESETS),
-                                  n / SPSI_CELL_PRESETS % SPSI_POINT_PRESETS, n % SPSI_CELL_PRESETS};
+    const spsi_setting setting = {n / (SPSI_POINT_PRESETS * SPSI_CELL_PRESETS) % SPSI_PRESETS,
+                                  n / SPSI_CELL_PRESETS % SPSI_POINT_PRESETS, n % SPSI_CELL_PRESETS,
+                                  n / SPSI_EACH_SIZE};
     return setting;
+}
+
+SPSI_COLD int spsi_candidate_number(const spsi_setting *setting) {
+    return ((setting->size * SPSI_PRESETS + setting->gas) * SPSI_POINT_PRESETS + setting->points) * SPSI_CELL_PRESETS +
+           setting->cells;
 }
 
 /* Within the budget, the smaller unbudgeted quantity wins; otherwise, the candidate nearer to the budget. */
 SPSI_COLD int spsi_candidate_beats(const sps_view *view, const spsi_candidate *a, const spsi_candidate *b) {
     const int timed = view->budget_seconds > 0;
     const double most = timed ? view->budget_seconds : view->budget_error;
-    const double bound[2] = {timed ? a->seconds : a->error, timed ? b->seconds : b->error};
+    const double bound[2] = {timed ? a->charge : a->error, timed ? b->charge : b->error};
     const double open[2] = {timed ? a->error : a->seconds, timed ? b->error : b->seconds};
     const int meets[2] = {bound[0] <= most, bound[1] <= most};
     if (meets[0] != meets[1]) return meets[0];
@@ -25775,8 +25806,7 @@ SPSI_COLD int spsi_candidate_beats(const sps_view *view, const spsi_candidate *a
 }
 
 /* Doubles the work beside polygons. Cells are cached if a frame with this setting made the same light. */
-SPSI_COLD void spsi_work_count_cells(const sps_context *context, const spsi_frame *frame, const spsi_setting *setting,
-                                     spsi_work *work) {
+SPSI_COLD void spsi_work_count_cells(const sps_context *context, const spsi_frame *frame, spsi_work *work) {
     const spsi_rates *pace = &context->pace;
     double cells = 0;
     spsi_cell_grid grid;
@@ -25784,7 +25814,6 @@ SPSI_COLD void spsi_work_count_cells(const sps_context *context, const spsi_fram
         cells =
             (double)frame->channels * grid.size[0] * grid.size[1] * grid.size[2] * (frame->meshes.count > 0 ? 2 : 1);
     const int are_held = cells > 0 && context->cells_cached != 0 && pace->scattered != 0 &&
-                         memcmp(&pace->scattered_by, setting, sizeof *setting) == 0 &&
                          pace->scattered == spsi_scattered_fingerprint(context, frame);
     const spsi_stage stage = are_held ? SPSI_STAGE_CACHED : SPSI_STAGE_CELLS;
     work->units[SPSI_STAGE_CELLS] = work->units[SPSI_STAGE_CACHED] = 0;
@@ -25801,7 +25830,8 @@ SPSI_COLD void spsi_cell_candidates(sps_context *context, spsi_frame *frame, dou
         spsi_candidate *candidate = &candidates[first + n];
         if (only && n != only->cells) continue;
         frame->view.scattering_resolution = frame->accuracy.cells_least = spsi_cell_presets[n];
-        spsi_work_count_cells(context, frame, &setting, work);
+        spsi_work_count_cells(context, frame, work);
+        candidate->making = work->units[SPSI_STAGE_CELLS] * spsi_rate(context, SPSI_STAGE_CELLS, &setting);
         candidate->is_known = 1;
         for (int k = 0; k < SPSI_STAGE_COUNT; ++k) {
             const spsi_stage stage = (spsi_stage)k;
@@ -25834,15 +25864,15 @@ SPSI_COLD double spsi_candidate_bound(const double *bounds, int n, int sign) {
    finer bounds the coarser. Start values need not rise: their scenes split time differently between stages. Splatted
    thick slabs are no lower bound: gathering thinner ones may be faster. */
 SPSI_COLD void spsi_candidates_order(const spsi_rates *pace, spsi_candidate *candidates) {
-    double bounds[SPSI_CANDIDATES];
-    for (int n = 0; n < SPSI_CANDIDATES; ++n) {
+    double bounds[SPSI_EACH_SIZE];
+    for (int n = 0; n < SPSI_EACH_SIZE; ++n) {
         spsi_candidate *candidate = &candidates[n];
         bounds[n] = spsi_candidate_bound(bounds, n, 1);
         if (!candidate->exists) continue;
         if (candidate->is_known && !pace->splats[spsi_candidate_setting(n).gas]) bounds[n] = candidate->seconds;
         if (!candidate->is_held) candidate->seconds = spsi_dmax(candidate->seconds, bounds[n]);
     }
-    for (int n = SPSI_CANDIDATES - 1; n >= 0; --n) {
+    for (int n = SPSI_EACH_SIZE - 1; n >= 0; --n) {
         spsi_candidate *candidate = &candidates[n];
         bounds[n] = spsi_candidate_bound(bounds, n, -1);
         if (!candidate->exists) continue;
@@ -25851,13 +25881,54 @@ SPSI_COLD void spsi_candidates_order(const spsi_rates *pace, spsi_candidate *can
     }
 }
 
-/* `spent`: seconds until everything is read. If no setting can be rendered, chooses the coarsest, which is refused
-   later. */
-SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, double spent, double voxels,
-                                        sps_budget_report *report) {
-    const spsi_setting *only = context->pace.only;
-    const uint64_t gas = spsi_gas_fingerprint(frame);
-    /* Mean optical depth across scattering particles, weighted by the light each intercepts; 0 until read. */
+#define SPSI_SPARE       1.1 /* seconds are spared by that factor */
+#define SPSI_SPARE_GUESS 1.5 /* likewise, after the third frame, by settings that were not measured */
+#define SPSI_BETTER      0.9 /* of error or seconds: what a change must reach */
+#define SPSI_STEADY      20  /* frames with at most one change */
+
+/* Sets what candidates cost. In the second frame, making cells that later ones hold may double that. */
+SPSI_COLD void spsi_candidates_charge(const spsi_rates *pace, int frames, spsi_candidate *candidates) {
+    const int last = spsi_candidate_number(&pace->held);
+    const int makes = frames == 1 && candidates[last].is_held && !(candidates[last].making > 0);
+    for (int n = 0; n < SPSI_CANDIDATES; ++n) {
+        spsi_candidate *candidate = &candidates[n];
+        const double once = makes ? spsi_dmin(candidate->making, 0.5 * candidate->seconds) : 0;
+        const double spare = frames < 3 || candidate->is_known ? SPSI_SPARE : SPSI_SPARE_GUESS;
+        candidate->charge = spare * (candidate->seconds - once);
+    }
+}
+
+/* Hashes what the setting depends on, and what may move; the latter is 0 if something may change without notice. */
+SPSI_COLD void spsi_budget_ask(sps_context *context, const spsi_frame *frame, uint64_t gas) {
+    const sps_view *view = &frame->view;
+    const spsi_rays *eye = &frame->content->eye;
+    const double asked[] = {view->budget_seconds, view->budget_error, view->budget_scale_min, (double)view->scattering};
+    const int counts[] = {frame->medium_count, frame->meshes.count, frame->lights.count, frame->particles.set_count,
+                          view->width, view->height, spsi_lights_are_open(frame)};
+    const double *const vectors[] = {eye->a, eye->b, eye->c, eye->origin};
+    uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, asked, sizeof asked);
+    hash = spsi_fingerprint(hash, counts, sizeof counts);
+    context->pace.asked[1] = spsi_fingerprint(hash, view->region, sizeof view->region);
+    hash = frame->meshes.count > 0 && !context->faces_held ? 0 : gas;
+    if (hash) hash = spsi_fingerprint_word(hash, frame->meshes.count > 0 ? context->faces_held : 0);
+    for (int i = 0; i < frame->lights.count; ++i) hash = spsi_light_fingerprint(hash, &frame->lights.list[i]);
+    for (int i = 0; i < 4 && hash; ++i) hash = spsi_fingerprint(hash, vectors[i], 3 * sizeof(double));
+    context->pace.shown[1] = hash;
+}
+
+/* True if the last frame's setting is kept, though `best` may be better. An error that is missed is not. */
+SPSI_COLD int spsi_budget_keeps(const spsi_rates *pace, const sps_view *view, const spsi_candidate *held,
+                                const spsi_candidate *best) {
+    const int timed = view->budget_seconds > 0;
+    const int misses = timed ? held->seconds > view->budget_seconds : held->error > view->budget_error;
+    if (!held->exists || (misses && !timed)) return 0;
+    if (pace->wait > 0) return 1;
+    if (pace->shown[0] != 0 && pace->shown[0] == pace->shown[1] && best->error >= held->error) return 1;
+    return !misses && (timed ? best->error > SPSI_BETTER * held->error : best->seconds > SPSI_BETTER * held->seconds);
+}
+
+/* Mean optical depth across scattering particles, weighted by the light each intercepts; 0 until read. */
+SPSI_COLD double spsi_spheres_depth(const spsi_frame *frame) {
     double sum = 0, weights = 0;
     for (int i = 0, n = 0; i < frame->particles.set_count && frame->content->particle_count > 0; ++i) {
         const spsi_particle_set *set = &frame->particles.sets[i];
@@ -25869,30 +25940,50 @@ SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame,
             weights += radius * radius * spsi_dmin(depth, 1);
         }
     }
-    const double spheres = weights > 0 ? sum / weights : 0;
+    return weights > 0 ? sum / weights : 0;
+}
+
+/* Number of the candidate to take. If none can be rendered, the coarsest, which is refused later. */
+SPSI_COLD int spsi_candidates_best(spsi_rates *pace, const sps_view *view, spsi_candidate *candidates) {
+    const int frames = pace->asked[0] == pace->asked[1] ? pace->frames : 0, last = spsi_candidate_number(&pace->held);
+    int best = 0;
+    for (int size = 0; size < SPSI_SIZE_PRESETS; ++size)
+        spsi_candidates_order(pace, candidates + size * SPSI_EACH_SIZE);
+    spsi_candidates_charge(pace, frames, candidates);
+    for (int n = 1; n < SPSI_CANDIDATES; ++n) /* the first, large or coarse, wins ties */
+        if (candidates[n].exists &&
+            (!candidates[best].exists || spsi_candidate_beats(view, &candidates[n], &candidates[best])))
+            best = n;
+    return frames == 3 && spsi_budget_keeps(pace, view, &candidates[last], &candidates[best]) ? last : best;
+}
+
+/* `spent`: seconds until everything is read. */
+SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame, double spent, double voxels,
+                                        sps_budget_report *report) {
+    const spsi_setting *only = context->pace.only;
+    const uint64_t gas = spsi_gas_fingerprint(frame);
+    const double spheres = spsi_spheres_depth(frame);
     const int points = spsi_lights_are_open(frame) ? SPSI_POINT_PRESETS : 1;
+    const double least = frame->view.budget_scale_min;
+    const int sizes = least > 0 && least < 1 ? SPSI_SIZE_PRESETS : 1;
     spsi_candidate candidates[SPSI_CANDIDATES];
     spsi_work work;
     spsi_setting setting;
-    int best = 0;
     memset(candidates, 0, sizeof candidates);
-    for (int n = 0; n < SPSI_CANDIDATES; n += SPSI_CELL_PRESETS) {
+    spsi_budget_ask(context, frame, gas);
+    for (int n = 0; n < sizes * SPSI_EACH_SIZE; n += SPSI_CELL_PRESETS) {
         setting = spsi_candidate_setting(n);
         if (setting.points >= points) continue;
-        if (only && (setting.gas != only->gas || setting.points != only->points)) continue;
+        if (only && (setting.gas != only->gas || setting.points != only->points || setting.size != only->size)) continue;
         if (spsi_setting_apply(context, frame, &setting)) return context->result;
         spsi_work_count(context, frame, voxels, gas, &work);
         spsi_cell_candidates(context, frame, spsi_dmax(spent, 0), spheres, &work, n, candidates); /* clocks may jump */
     }
-    spsi_candidates_order(&context->pace, candidates);
-    for (int n = 1; n < SPSI_CANDIDATES; ++n) /* the coarsest wins ties */
-        if (candidates[n].exists &&
-            (!candidates[best].exists || spsi_candidate_beats(&frame->view, &candidates[n], &candidates[best])))
-            best = n;
+    const int best = spsi_candidates_best(&context->pace, &frame->view, candidates);
     setting = spsi_candidate_setting(best);
     if (spsi_setting_apply(context, frame, &setting)) return context->result;
     spsi_work_count(context, frame, voxels, gas, &work);
-    spsi_work_count_cells(context, frame, &setting, &work);
+    spsi_work_count_cells(context, frame, &work);
     const int timed = frame->view.budget_seconds > 0;
     report->is_met = candidates[best].exists && (timed ? candidates[best].seconds <= frame->view.budget_seconds
                                                        : candidates[best].error <= frame->view.budget_error);
@@ -25904,6 +25995,8 @@ SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame,
     report->samples = spsi_lights_are_open(frame) ? frame->accuracy.light_points : 0;
     report->scattering_resolution =
         spsi_uses_cells(frame) || spsi_convolves(frame) ? frame->view.scattering_resolution : 0;
+    report->width = frame->view.region[2];
+    report->height = frame->view.region[3];
     context->pace.counts = 1;
     context->pace.setting = setting;
     context->pace.work = work;
@@ -25922,13 +26015,32 @@ SPSI_COLD sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
         return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "budget_error",
                                frame->view.budget_error, text);
     }
-    SPS_SNPRINTF(text, sizeof text, "view.budget_seconds is %g; the cheapest setting, which is used, takes about %g",
+    SPS_SNPRINTF(text, sizeof text, "view.budget_seconds is %g; the setting that is used takes about %g",
                  frame->view.budget_seconds, report->seconds);
     spsi_tell(context, text);
     return SPS_OK;
 }
 
 /* --- learning rates --- */
+
+/* Notes a frame's setting. */
+SPSI_COLD void spsi_setting_hold(spsi_rates *pace) {
+    const int changed = memcmp(&pace->held, &pace->setting, sizeof pace->held) != 0;
+    if (pace->asked[0] != pace->asked[1]) pace->frames = pace->wait = 0;
+    pace->wait = pace->frames == 3 && changed ? SPSI_STEADY - 1 : spsi_imax(pace->wait - 1, 0);
+    pace->frames = spsi_imin(pace->frames + 1, 3);
+    pace->asked[0] = pace->asked[1];
+    pace->shown[0] = pace->shown[1];
+    pace->held = pace->setting;
+}
+
+/* After the third frame, the median of three: one frame may be slow by chance. */
+SPSI_COLD void spsi_rate_learn(double now, int afresh, double *rate, double recent[2]) {
+    if (afresh || !(*rate > 0)) recent[0] = recent[1] = now;
+    *rate = spsi_dmax(spsi_dmin(now, recent[0]), spsi_dmin(spsi_dmax(now, recent[0]), recent[1]));
+    recent[1] = recent[0];
+    recent[0] = now;
+}
 
 SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
     static const spsi_stage makers[] = {SPSI_STAGE_CELLS, SPSI_STAGE_LIGHT, SPSI_STAGE_EYE};
@@ -25937,8 +26049,9 @@ SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
     spsi_rates *pace = &context->pace;
     double seconds[SPSI_STAGE_COUNT] = {0}, sum = 0;
     pace->scattered = pace->counts && context->cells_cached ? spsi_scattered_fingerprint(context, frame) : 0;
-    pace->scattered_by = pace->setting;
-    if (!pace->counts || !(total > 0)) return;
+    if (!pace->counts) return;
+    spsi_setting_hold(pace);
+    if (!(total > 0)) return;
     pace->splats[pace->setting.gas] = /* all volumes, in thick slabs */
         frame->medium_count > 0 && spsi_preset_of(frame, pace->setting.gas).slab_thickness > 0 &&
         ((stats->eye_footprints > 0 && stats->eye_samples == 0) ||
@@ -25961,8 +26074,10 @@ SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
         spsi_fixed_units[SPSI_STAGE_READ] + (double)(stats->voxels_read + stats->particles);
     for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage) {
         const double units = pace->work.units[stage];
-        double *rate = &pace->rates[stage][spsi_stage_preset((spsi_stage)stage, &pace->setting)];
-        if (units > 0 && seconds[stage] > 0) *rate = seconds[stage] / units;
+        const int preset = spsi_stage_preset((spsi_stage)stage, &pace->setting);
+        if (units > 0 && seconds[stage] > 0)
+            spsi_rate_learn(seconds[stage] / units, pace->frames < 3, &pace->rates[stage][preset],
+                            pace->recent[stage][preset]);
     }
 }
 
@@ -26058,7 +26173,7 @@ static void spsi_sum_task(void *data, int index) {
 
 static void spsi_write_image(const spsi_frame *frame, const float *total, const sps_image *image) {
     const size_t width = (size_t)frame->view.region[2], height = (size_t)frame->view.region[3];
-    const size_t pitch = image->row_pixels ? image->row_pixels : width;
+    const size_t pitch = image->row_pixels ? image->row_pixels : (size_t)frame->size[0];
     const int floats = (int)spsi_total_floats(frame);
     SPSI_ROLLED for (size_t y = 0; y < height; ++y)
         SPSI_ROLLED for (size_t x = 0; x < width; ++x) {
@@ -26736,7 +26851,7 @@ SPSI_COLD sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *fr
 }
 
 SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_plan_report *report) {
-    const spsi_setting coarsest = {0, 0, 0};
+    const spsi_setting coarsest = {0, 0, 0, 0};
     spsi_reading reading;
     spsi_rays rays;
     spsi_slabs slabs;

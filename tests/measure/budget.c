@@ -124,7 +124,8 @@ static struct {
     double rates[SPSI_STAGE_COUNT][SPSI_PRESETS][SAMPLES_MOST];
     int count[SPSI_STAGE_COUNT][SPSI_PRESETS];
     double gas[2][SPSI_PRESETS], points[SPSI_POINT_PRESETS], cells[SPSI_CELL_PRESETS]; /* worst errors */
-    double balls[SPSI_PRESETS];                                                      /* per optical depth */
+    double balls[SPSI_PRESETS];                         /* of optical depth 1 */
+    double blur;                                        /* of half the size */
 } found;
 
 static void keep_rates(const ex_session *session, const spsi_setting *setting) {
@@ -170,7 +171,7 @@ static double fit_setting(trial *t, const char *name, const spsi_setting *settin
 static void fit_view(const char *name, trial *t) {
     const int again = t->shown.view.scattering == SPS_SCATTERING_MULTIPLE, soft = t->shown.light.angular_diameter > 0;
     const int looks = t->shown.volume.transfer != NULL;
-    spsi_setting setting = {0, 0, 0};
+    spsi_setting setting = {0, 0, 0, 0};
     for (int g = 0; g < SPSI_PRESETS && !soft && !again; ++g) {
         if (looks && g < 2) continue;
         setting.gas = g;
@@ -187,10 +188,39 @@ static void fit_view(const char *name, trial *t) {
     }
 }
 
+/* What half the size, enlarged bilinearly, is off by beside the whole picture. */
+static void fit_blur(const char *name, trial *t, ex_session *session) {
+    const int half = PRICE_SIZE / 2;
+    sps_view small = t->shown.view;
+    frame enlarged;
+    double squares = 0, mean = 0;
+    small.budget_seconds = 0, small.quality = SPS_QUALITY_MEDIUM;
+    render_seconds(session, &t->shown, &small);
+    frame_copy(&enlarged, &t->shown);
+    small.width = small.height = half;
+    render_seconds(session, &enlarged, &small);
+    for (int i = 0; i < 4 * PRICE_SIZE * PRICE_SIZE; ++i) {
+        const double x = fmin(fmax(0.5 * (i / 4 % PRICE_SIZE) - 0.25, 0), half - 1);
+        const double y = fmin(fmax(0.5 * (i / 4 / PRICE_SIZE) - 0.25, 0), half - 1);
+        const int left = (int)fmin(x, half - 2), top = (int)fmin(y, half - 2);
+        const float *at = enlarged.rgba + 4 * (top * half + left) + i % 4;
+        const double upper = ex_mix((double)at[0], (double)at[4], x - left);
+        const double lower = ex_mix((double)at[4 * half], (double)at[4 * half + 4], x - left);
+        if (i % 4 == 3) continue;
+        squares += pow(ex_mix(upper, lower, y - top) - (double)t->shown.rgba[i], 2);
+        mean += (double)t->shown.rgba[i];
+    }
+    const double blur = sqrt(squares * 3 * PRICE_SIZE * PRICE_SIZE) / mean;
+    printf("%-10s half the size: %.5f\n", name, blur);
+    found.blur = fmax(found.blur, blur);
+    frame_end(&enlarged);
+}
+
 /* From where the scene is seen, and from nearer and farther. */
 static void fit_scene(const char *name, trial *t, ex_session *session) {
     static const double closer[] = {1, 0.75, 1.5};
     const sps_camera plain = t->priced->frame.view.camera;
+    fit_blur(name, t, session);
     for (int n = 0; n < 3; ++n) {
         sps_camera *camera = &t->priced->frame.view.camera;
         *camera = plain;
@@ -241,7 +271,7 @@ static void balls_begin(balls_scene *b, double radius, double depth, int soft, i
 /* What a rung is off by, beside steps of 0.14 radii, as if balls filled the picture. */
 static double balls_error(balls_scene *b, int grade, const float *exact) {
     static float rgba[4 * BALLS_SIZE * BALLS_SIZE];
-    const spsi_setting setting = {grade, 0, 0};
+    const spsi_setting setting = {grade, 0, 0, 0};
     double squares = 0, mean = 0, shown;
     ex_session session;
     sps_image image;
@@ -284,7 +314,7 @@ static void fit_balls(void) {
         printf("balls, radius %g, depth %g, %s, %s: ", radius, depth, soft ? "soft" : "even", lamp ? "lamp" : "sun");
         for (int g = 0; g < SPSI_PRESETS; ++g) {
             const double error = balls_error(&b, g, exact);
-            found.balls[g] = fmax(found.balls[g], error / depth);
+            found.balls[g] = fmax(found.balls[g], error / pow(depth, 0.75));
             printf(" %9.5f", error);
         }
         printf("\n");
@@ -301,9 +331,10 @@ static void print_tables(void) {
     printf("\nerrors, twice the worst:\n");
     print_row("gas", found.gas[0], SPSI_PRESETS);
     print_row("classified", found.gas[1], SPSI_PRESETS);
-    print_row("balls, per depth", found.balls, SPSI_PRESETS);
+    print_row("balls of depth 1", found.balls, SPSI_PRESETS);
     print_row("points", found.points, SPSI_POINT_PRESETS);
     print_row("cells", found.cells, SPSI_CELL_PRESETS);
+    print_row("half the size", &found.blur, 1);
     printf("\nrates, the middle ones:\n");
     for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage) {
         printf("{");

@@ -2022,7 +2022,7 @@ typedef struct spsi_rates {
     spsi_work work;
     double seconds_pyramids; /* spent on pyramids in this frame */
     uint64_t scattered;      /* hash of multiple scattering cached under a budget */
-    double recent[SPSI_STAGE_COUNT][SPSI_PRESETS][2]; /* the last two rates */
+    double recent[SPSI_STAGE_COUNT][SPSI_PRESETS][2]; /* the last two rates that were measured */
     uint64_t asked[2], shown[2]; /* hashes of what budgets depend on, and of all that moves: last frame's, this one's */
     int frames, wait;            /* with the same `asked`, up to 3; until the setting may change */
     spsi_setting held;           /* the last frame's */
@@ -25742,7 +25742,7 @@ SPSI_COLD double spsi_light_error(const spsi_light *light, const spsi_setting *s
     return spsi_point_errors[at] * spsi_dmax(1, sqrt((double)spsi_point_presets[0] / light->samples));
 }
 
-#define SPSI_BLUR 0.1 /* twice the worst error of pictures of half the size, enlarged bilinearly */
+#define SPSI_BLUR 0.11 /* error of half the size, enlarged bilinearly; points of light are off by more */
 
 /* Against black, a medium with relative error e, covering a fraction c of pixels, has error e / sqrt(c) in the image.
    Out of view, it may still shadow polygons. `spheres`: from spsi_spheres_depth. */
@@ -25882,7 +25882,7 @@ SPSI_COLD void spsi_candidates_order(const spsi_rates *pace, spsi_candidate *can
 }
 
 #define SPSI_SPARE       1.1 /* seconds are spared by that factor */
-#define SPSI_SPARE_GUESS 1.5 /* likewise, after the third frame, by settings that were not measured */
+#define SPSI_SPARE_GUESS 2   /* likewise, after the third frame, by finer settings that were not measured */
 #define SPSI_BETTER      0.9 /* of error or seconds: what a change must reach */
 #define SPSI_STEADY      20  /* frames with at most one change */
 
@@ -25893,8 +25893,8 @@ SPSI_COLD void spsi_candidates_charge(const spsi_rates *pace, int frames, spsi_c
     for (int n = 0; n < SPSI_CANDIDATES; ++n) {
         spsi_candidate *candidate = &candidates[n];
         const double once = makes ? spsi_dmin(candidate->making, 0.5 * candidate->seconds) : 0;
-        const double spare = frames < 3 || candidate->is_known ? SPSI_SPARE : SPSI_SPARE_GUESS;
-        candidate->charge = spare * (candidate->seconds - once);
+        const int guesses = frames == 3 && !candidate->is_known && candidate->error < candidates[last].error;
+        candidate->charge = (guesses ? SPSI_SPARE_GUESS : SPSI_SPARE) * (candidate->seconds - once);
     }
 }
 
@@ -26023,21 +26023,28 @@ SPSI_COLD sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
 
 /* --- learning rates --- */
 
-/* Notes a frame's setting. */
-SPSI_COLD void spsi_setting_hold(spsi_rates *pace) {
+/* Notes a frame's setting. Returns 1 if it is kept after the third frame. */
+SPSI_COLD int spsi_setting_hold(spsi_rates *pace) {
     const int changed = memcmp(&pace->held, &pace->setting, sizeof pace->held) != 0;
     if (pace->asked[0] != pace->asked[1]) pace->frames = pace->wait = 0;
+    const int steady = pace->frames == 3 && !changed;
     pace->wait = pace->frames == 3 && changed ? SPSI_STEADY - 1 : spsi_imax(pace->wait - 1, 0);
     pace->frames = spsi_imin(pace->frames + 1, 3);
     pace->asked[0] = pace->asked[1];
     pace->shown[0] = pace->shown[1];
     pace->held = pace->setting;
+    return steady;
 }
 
-/* After the third frame, the median of three: one frame may be slow by chance. */
-SPSI_COLD void spsi_rate_learn(double now, int afresh, double *rate, double recent[2]) {
-    if (afresh || !(*rate > 0)) recent[0] = recent[1] = now;
-    *rate = spsi_dmax(spsi_dmin(now, recent[0]), spsi_dmin(spsi_dmax(now, recent[0]), recent[1]));
+/* Notes a stage's rate. `others`: what other presets' are worth in proportion; 0: forgotten. Negative: they stay, else
+   takes the median of three, as one may be slow by chance. */
+SPSI_COLD void spsi_rate_learn(spsi_rates *pace, int stage, int preset, int others, double now) {
+    double *rates = pace->rates[stage], *recent = pace->recent[stage][preset];
+    const double last = others >= 0 ? rates[preset] : 0;
+    if (!(last > 0)) recent[0] = recent[1] = now;
+    const double rate = spsi_dmax(spsi_dmin(now, recent[0]), spsi_dmin(spsi_dmax(now, recent[0]), recent[1]));
+    for (int n = 0; n < SPSI_PRESETS && last > 0; ++n) rates[n] *= others * (rate / last);
+    rates[preset] = rate;
     recent[1] = recent[0];
     recent[0] = now;
 }
@@ -26050,10 +26057,11 @@ SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
     double seconds[SPSI_STAGE_COUNT] = {0}, sum = 0;
     pace->scattered = pace->counts && context->cells_cached ? spsi_scattered_fingerprint(context, frame) : 0;
     if (!pace->counts) return;
-    spsi_setting_hold(pace);
+    const int steady = spsi_setting_hold(pace), spare = pace->wait == 0 && 4 * total < frame->view.budget_seconds;
+    const int others = steady ? !spare : -1; /* a slow while may have spoilt them */
     if (!(total > 0)) return;
     pace->splats[pace->setting.gas] = /* all volumes, in thick slabs */
-        frame->medium_count > 0 && spsi_preset_of(frame, pace->setting.gas).slab_thickness > 0 &&
+        frame->medium_count > 0 && spsi_preset_of(frame, pace->setting.gas).slab_thickness > 1 &&
         ((stats->eye_footprints > 0 && stats->eye_samples == 0) ||
          (stats->light_footprints > 0 && stats->light_samples == 0));
     seconds[SPSI_STAGE_READ] = stats->seconds_gather;
@@ -26076,8 +26084,7 @@ SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
         const double units = pace->work.units[stage];
         const int preset = spsi_stage_preset((spsi_stage)stage, &pace->setting);
         if (units > 0 && seconds[stage] > 0)
-            spsi_rate_learn(seconds[stage] / units, pace->frames < 3, &pace->rates[stage][preset],
-                            pace->recent[stage][preset]);
+            spsi_rate_learn(pace, stage, preset, others, seconds[stage] / units);
     }
 }
 

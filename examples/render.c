@@ -24,6 +24,7 @@ static void print_budget(FILE *file, const sps_budget_report *budget) {
             100 * budget->error, ex_quality_names[budget->quality], budget->slab_thickness, (double)budget->tolerance);
     if (budget->samples) fprintf(file, ", light-samples %d", budget->samples);
     if (budget->scattering_resolution) fprintf(file, ", scattering-resolution %d", budget->scattering_resolution);
+    fprintf(file, ", size %d,%d", budget->width, budget->height);
     fprintf(file, budget->is_met ? "\n" : "; the budget is not met\n");
 }
 
@@ -201,11 +202,23 @@ static int write_files(const arguments *all, const ex_session *session, const sp
     return all->stats ? write_stats(all->stats, session->context, error) : 0;
 }
 
+/* Moves rows together where a budget has shrunk the picture. */
+static void pack_rows(const sps_image *image, const sps_budget_report *shown, sps_view *view) {
+    const size_t from = (size_t)view->width, to = (size_t)shown->width;
+    view->width = shown->width, view->height = shown->height;
+    for (size_t y = 1; y < (size_t)shown->height; ++y) {
+        memmove(image->rgba + 4 * y * to, image->rgba + 4 * y * from, 4 * to * sizeof *image->rgba);
+        if (image->depth) memmove(image->depth + y * to, image->depth + y * from, to * sizeof *image->depth);
+    }
+}
+
 /* Returns the exit status. */
 static int render(const arguments *all, ex_session *session, const sps_scene *scene, const sps_view *view,
                   ex_error *error) {
     sps_image image;
     sps_reference_settings reference;
+    sps_stats_report stats;
+    sps_view shown = *view;
     const size_t width = (size_t)(view->region[2] ? view->region[2] : view->width);
     const size_t height = (size_t)(view->region[2] ? view->region[3] : view->height);
     memset(&image, 0, sizeof image);
@@ -217,14 +230,14 @@ static int render(const arguments *all, ex_session *session, const sps_scene *sc
     const sps_result result = is_marched(all) ? sps_reference(session->context, scene, view, &reference, &image)
                                               : sps_render(session->context, scene, view, &image);
     ex_progress_end(&session->progress);
+    sps_get_stats(session->context, &stats);
+    if (result == SPS_OK && all->budget_scale_min > 0 && !is_marched(all)) pack_rows(&image, &stats.budget, &shown);
     int status = EX_OK;
     if (result != SPS_OK)
         status = explain(all, session, result, error);
-    else if (write_files(all, session, view, &image, error))
+    else if (write_files(all, session, &shown, &image, error))
         status = EX_MISTAKEN;
     if (result == SPS_OK && (all->budget_seconds > 0 || all->budget_error > 0) && !is_marched(all)) {
-        sps_stats_report stats;
-        sps_get_stats(session->context, &stats);
         fprintf(stderr, "render: %.3g s; expected were ", stats.seconds_total);
         print_budget(stderr, &stats.budget);
     }

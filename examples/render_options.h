@@ -135,7 +135,7 @@ typedef struct arguments {
     int width, height, region[4], part[2], coverage, shadow_resolution, quality, no_shadows, reference, samples,
         scattering, scattering_resolution, filling, threads, replace_invalid, plan, list_grids, help;
     int shadow, map_size, table_size;
-    double map_epsilon, scattering_tolerance, tolerance, budget_seconds, budget_error, max_bytes;
+    double map_epsilon, scattering_tolerance, tolerance, budget_seconds, budget_error, budget_scale_min, max_bytes;
     sps_tmap_settings map; /* of all lights that cast shadows by maps; options set its fields */
     int exr_type, exr_compression;
     const char *out, *pfm, *alpha_pfm, *exr, *radiance_hdr, *stats, *sky_file;
@@ -542,6 +542,7 @@ static const option_rule options[] = {
     {"--filling", "auto|splat|gather", "how voxels fill sheets; auto, the default: as costs less", set_choice, OF_SCENE(filling), 1, 0, 0, filling_names},
     {"--tolerance", "T", "optical depth by which rays through smooth gas may be off, to follow fewer; default 0", set_reals, OF_SCENE(tolerance), 1, 0, 1, NULL},
     {"--budget-seconds", "S", "as little error as S seconds buy; chooses quality, slab thickness, tolerance and cells", set_reals, OF_SCENE(budget_seconds), 1, 1e-9, 1e9, NULL},
+    {"--budget-scale-min", "S", "with --budget-seconds: the smallest share of width and height that the picture may have", set_reals, OF_SCENE(budget_scale_min), 1, 1e-9, 1, NULL},
     {"--budget-error", "E", "as little time as an error of E takes, of radiance, relative to its mean", set_reals, OF_SCENE(budget_error), 1, 1e-9, 1e9, NULL},
     {"--scattering", "auto|single|ambient|forward|convolution|multiple", "light in gas; auto, the default: single in thin gas, otherwise multiple", set_choice, OF_SCENE(scattering), 1, 0, 0, scattering_names},
     {"--scattering-resolution", "N", "cells along the gas for --scattering multiple, half the texels for convolution", set_integers, OF_SCENE(scattering_resolution), 1, 1, 256, NULL},
@@ -1104,6 +1105,7 @@ static inline int check_part(const arguments *all, ex_error *error) {
     static const char *const others[][2] = {{"--region", "a part is a region itself"},
                                             {"--budget-seconds", "a budget depends on the region; give --quality"},
                                             {"--budget-error", "a budget depends on the region; give --quality"},
+                                            {"--budget-scale-min", "a part has the picture's pixels"},
                                             {"--pfm", "a part has one file, --out; give it to join"},
                                             {"--alpha-pfm", "a part has one file, --out; give it to join"},
                                             {"--exr", "a part has one file, --out; give it to join"},

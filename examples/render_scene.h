@@ -350,6 +350,7 @@ static inline void make_view(const arguments *all, sps_view *view) {
     view->scattering_tolerance = (float)all->scattering_tolerance;
     view->tolerance = (float)all->tolerance;
     view->budget_seconds = all->budget_seconds, view->budget_error = all->budget_error;
+    view->budget_scale_min = all->budget_scale_min;
 }
 
 /* ================================================================================================== errors */
@@ -367,6 +368,7 @@ static const char *find_field(const arguments *all, const sps_error_info *why) {
                   {SPS_OBJECT_VIEW, "tolerance", "--tolerance"},
                   {SPS_OBJECT_VIEW, "budget_seconds", "--budget-seconds"},
                   {SPS_OBJECT_VIEW, "budget_error", "--budget-error"},
+                  {SPS_OBJECT_VIEW, "budget_scale_min", "--budget-scale-min"},
                   {SPS_OBJECT_VIEW, "camera.field_of_view", "--fov"},
                   {SPS_OBJECT_VIEW, "camera.ortho_height", "--ortho"},
                   {SPS_OBJECT_VIEW, "camera.position", "--camera"},

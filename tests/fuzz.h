@@ -536,6 +536,7 @@ static void random_budget(sps_view *view) {
     view->slab_thickness = 0, view->tolerance = view->height % 29 == 28 ? 0.1f : 0, view->scattering_resolution = 0;
     view->budget_seconds = view->height % 2 ? 1e-4 * view->height : view->height % 34 == 32 ? -1 : 0;
     view->budget_error = view->height % 2 ? 0 : 0.1 * (view->height % 5);
+    view->budget_scale_min = view->height % 4 == 3 ? 0.2 * (view->height % 7) : 0;
 }
 
 static void random_view(scenery *x) {

@@ -632,6 +632,357 @@ static void test_held_apart(void) {
     sps_destroy(context);
 }
 
+/* -------------------------------------------------------------------------------------------------- steady choices */
+
+/* Counts work instead of time: samples, shaded pixels and cells, each for a tenth of a microsecond times `slow`, and
+   looks at it for as much, so that no stage takes nothing. */
+typedef struct work_clock {
+    const sps_context *context;
+    double slow, looks;
+} work_clock;
+
+static double count_work(void *user) {
+    work_clock *clock = (work_clock *)user;
+    if (!clock->context) return 0;
+    clock->looks += 1e-7 * clock->slow;
+    const sps_stats_report *stats = &clock->context->stats;
+    return clock->looks + clock->slow * 1e-7 *
+                              (double)(stats->eye_samples + stats->light_samples + stats->pixels_shaded + stats->cells);
+}
+
+static sps_context *working_context(work_clock *clock) {
+    sps_config config;
+    sps_context *context;
+    memset(&config, 0, sizeof config);
+    config.clock_fn = count_work, config.clock_user = clock;
+    clock->context = NULL, clock->slow = 1, clock->looks = 0;
+    context = sps_create(&config, NULL);
+    clock->context = context;
+    return context;
+}
+
+static int differ(const sps_budget_report *a, const sps_budget_report *b) {
+    return a->quality != b->quality || a->slab_thickness < b->slab_thickness || a->slab_thickness > b->slab_thickness ||
+           a->tolerance < b->tolerance || a->tolerance > b->tolerance || a->samples != b->samples ||
+           a->scattering_resolution != b->scattering_resolution || a->width != b->width || a->height != b->height;
+}
+
+enum { LARGE = 32 };
+static float large[4 * LARGE * LARGE];
+
+/* A puff that a camera moves around, and what a frame of medium quality takes. */
+static double start_moving(check_scene *s, sps_context *context) {
+    sps_stats_report stats;
+    start(s);
+    s->view.width = s->view.height = LARGE;
+    s->volume[0].revision = 1;
+    for (int k = 0; k < 3; ++k) s->volume[0].size[k] = 12;
+    s->view.quality = SPS_QUALITY_MEDIUM;
+    check_render(context, s, large);
+    sps_get_stats(context, &stats);
+    s->view.quality = SPS_QUALITY_DEFAULT;
+    return stats.seconds_total;
+}
+
+/* Renders frame n, from a place of its own if `moves`. */
+static sps_budget_report moving_frame(check_scene *s, sps_context *context, int n, int moves) {
+    if (moves) s->view.camera.position[0] = 1e-3 * (n + 1);
+    check_render(context, s, large);
+    return budget_of(context);
+}
+
+/* What frames from the tenth on take is multiplied. One slow frame changes nothing; slow ones do when two have shown
+   it, at once and then not for 20 frames, though seconds are missed, and nothing at all where nothing moves. Fast ones
+   buy less error as soon as two have shown it, and the slowest setting 20 frames after that. */
+static void test_left(void) {
+    static const struct {
+        int moves, ends; /* the frame from which on all is as before */
+        double slow;
+        int changes, first, second; /* how many in 60 frames, and where */
+    } runs[] = {{1, 60, 1, 0, 0, 0}, {1, 11, 8, 0, 0, 0},     {1, 12, 8, 2, 12, 32},  {1, 60, 3, 1, 12, 0},
+                {0, 60, 3, 0, 0, 0}, {1, 60, 0.2, 2, 12, 32}, {0, 60, 0.2, 2, 12, 32}};
+    for (int k = 0; k < 7; ++k) {
+        work_clock clock;
+        sps_context *context = working_context(&clock);
+        sps_budget_report last, now;
+        int changes = 0, at[60] = {0};
+        check_scene s;
+        s.view.budget_seconds = 0;
+        const double seconds = start_moving(&s, context);
+        s.view.budget_seconds = 1.5 * seconds;
+        for (int n = 0; n < 60; ++n) {
+            clock.slow = n < 10 || n >= runs[k].ends ? 1 : runs[k].slow;
+            now = moving_frame(&s, context, n, runs[k].moves);
+            if (n > 3 && differ(&now, &last)) at[changes++] = n;
+            if (n > 3 && differ(&now, &last) && runs[k].slow < 1) CHECK(now.error <= 0.9 * last.error);
+            last = now;
+        }
+        if (!CHECK(changes == runs[k].changes && at[0] == runs[k].first && at[1] == runs[k].second))
+            printf("    run %d: %d changes, at %d, %d\n", k, changes, at[0], at[1]);
+        sps_destroy(context);
+    }
+}
+
+/* Time that jitters by chance, as much as by half: at most one change in 20 frames, and the same whoever is asked in
+   between, and though calls fail. */
+static void test_steady(void) {
+    sps_budget_report seen[2][100];
+    for (int between = 0; between < 2; ++between) {
+        work_clock clock;
+        sps_context *context = working_context(&clock);
+        uint32_t state = 5;
+        int changed = 0, changes = 0;
+        sps_plan_report plan;
+        check_scene s;
+        const double seconds = start_moving(&s, context);
+        s.view.budget_seconds = 1.2 * seconds;
+        for (int n = 0; n < 100; ++n) {
+            state = state * 1664525u + 1013904223u;
+            clock.slow = 0.7 + 0.8 * (double)(state >> 8) / 16777216;
+            seen[between][n] = moving_frame(&s, context, n, 1);
+            if (n > 3 && differ(&seen[between][n], &seen[between][n - 1])) {
+                CHECK(changes == 0 || n - changed >= 20);
+                changed = n, changes += 1;
+            }
+            if (!between) continue;
+            CHECK(n < 4 || !differ(&plan.budget, &seen[1][n]));
+            s.view.camera.position[0] = 1e-3 * (n + 2);
+            CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+            s.view.near_distance = -1;
+            check_fails(context, &s, large, SPS_ERROR_ARGUMENT, "view.near_distance");
+            s.view.near_distance = 0;
+            CHECK(!differ(&seen[0][n], &seen[1][n]));
+        }
+        CHECK(changes <= 5);
+        sps_destroy(context);
+    }
+}
+
+/* Another budget, size or scene begins anew; what is rendered without a budget neither depends on frames before it nor
+   changes what follows. */
+static void test_asked_anew(void) {
+    static float plain[4 * LARGE * LARGE];
+    work_clock clock;
+    sps_context *context = working_context(&clock);
+    const spsi_rates *pace = &context->pace;
+    check_scene s;
+    const double seconds = start_moving(&s, context);
+    s.view.budget_seconds = 2 * seconds;
+    for (int n = 0; n < 5; ++n) moving_frame(&s, context, n, 1);
+    CHECK(pace->frames == 3);
+    s.view.budget_seconds = 0;
+    check_render(context, &s, large);
+    check_render_plain(&s, plain);
+    CHECK(check_same(&s, large, plain) && pace->frames == 3);
+    for (int k = 0; k < 6; ++k) {
+        s.view.budget_seconds = 2 * seconds;
+        for (int n = 0; n < 4; ++n) moving_frame(&s, context, n, 1);
+        CHECK(pace->frames == 3);
+        if (k == 0) s.view.budget_seconds = 3 * seconds;
+        if (k == 1) s.view.budget_scale_min = 0.9;
+        if (k == 2) s.view.width -= 1;
+        if (k == 3) s.view.region[2] = s.view.region[3] = 5, s.view.budget_scale_min = 0;
+        if (k == 4) check_add_directional(&s, -0.4, -1, -0.5, 3);
+        if (k == 5) s.scene.volume_count = 0;
+        moving_frame(&s, context, 0, 1);
+        CHECK(pace->frames == 1);
+    }
+    sps_destroy(context);
+}
+
+/* Margins: of two settings, the new one must have a tenth less error, or take a tenth less time. */
+static void test_margins(void) {
+    static const struct {
+        int timed, still, wait, kept;
+        double seconds[2], error[2]; /* of the setting that is held, and of the best */
+    } cases[] = {{1, 0, 0, 1, {1, 1}, {0.1, 0.0901}},   {1, 0, 0, 0, {1, 1}, {0.1, 0.0899}},
+                 {1, 0, 1, 1, {1, 1}, {0.1, 0.0899}},   {1, 0, 0, 0, {2.01, 1}, {0.1, 0.2}},
+                 {1, 0, 1, 1, {2.01, 1}, {0.1, 0.2}},   {1, 1, 0, 1, {2.01, 1}, {0.1, 0.2}},
+                 {1, 1, 0, 0, {2.01, 1}, {0.1, 0.099}}, {1, 1, 0, 0, {1, 1}, {0.1, 0.08}},
+                 {0, 0, 0, 1, {1, 0.901}, {0.1, 0.1}},  {0, 0, 0, 0, {1, 0.899}, {0.1, 0.1}},
+                 {0, 1, 0, 1, {1, 0.5}, {0.1, 0.1}},    {0, 0, 1, 1, {1, 0.5}, {0.1, 0.1}},
+                 {0, 0, 1, 0, {1, 2}, {0.31, 0.1}},     {0, 1, 1, 0, {1, 2}, {0.31, 0.1}}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
+        static spsi_rates pace;
+        spsi_candidate two[2];
+        sps_view view;
+        memset(&view, 0, sizeof view);
+        memset(two, 0, sizeof two);
+        if (cases[i].timed) view.budget_seconds = 2;
+        if (!cases[i].timed) view.budget_error = 0.3;
+        pace.wait = cases[i].wait;
+        pace.shown[0] = 5, pace.shown[1] = cases[i].still ? 5 : 6;
+        for (int k = 0; k < 2; ++k)
+            two[k].exists = 1, two[k].seconds = cases[i].seconds[k], two[k].error = cases[i].error[k];
+        if (!CHECK(spsi_budget_keeps(&pace, &view, &two[0], &two[1]) == cases[i].kept)) printf("    case %d\n", (int)i);
+        pace.shown[0] = pace.shown[1] = 0; /* unknown: it may move */
+        if (cases[i].timed && cases[i].still && cases[i].error[1] > 0.1)
+            CHECK(!spsi_budget_keeps(&pace, &view, &two[0], &two[1]));
+        two[0].exists = 0; /* rendering would refuse it now */
+        CHECK(!spsi_budget_keeps(&pace, &view, &two[0], &two[1]));
+    }
+}
+
+/* Seconds are spared: a tenth, and as much again where a finer setting was not measured. In the second frame, cells
+   that will be held count half. */
+static void test_spared(void) {
+    static spsi_candidate list[SPSI_CANDIDATES];
+    static spsi_rates pace;
+    for (int frames = 0; frames < 4; ++frames) {
+        memset(list, 0, sizeof list);
+        list[0].seconds = 1, list[0].is_held = list[0].is_known = 1;
+        list[1].seconds = 2, list[1].making = 0.5, list[1].is_known = 1;
+        list[2].seconds = 2, list[2].making = 1.9;
+        list[0].error = 3, list[2].error = 2, list[3].error = 4, list[3].seconds = 1;
+        spsi_candidates_charge(&pace, frames, list);
+        CHECK_NEAR(list[0].charge, 1.1, 1e-12);
+        CHECK_NEAR(list[3].charge, 1.1, 1e-12);
+        CHECK_NEAR(list[1].charge, 1.1 * (frames == 1 ? 1.5 : 2), 1e-12);
+        CHECK_NEAR(list[2].charge, frames == 1 ? 1.1 : frames < 3 ? 2.2 : 4, 1e-12);
+        list[0].is_held = 0;
+        spsi_candidates_charge(&pace, frames, list);
+        CHECK_NEAR(list[1].charge, 2.2, 1e-12);
+    }
+}
+
+/* An error is kept in each frame, however fast the gas shrinks before black: finer settings come at once. */
+static void test_error_promised(void) {
+    work_clock clock;
+    sps_context *context = working_context(&clock);
+    int changes = 0;
+    sps_budget_report last, now;
+    check_scene s;
+    start_moving(&s, context);
+    s.view.budget_error = 0.12;
+    for (int n = 0; n < 20; ++n) {
+        check_orthographic(&s.view.camera, 2.5 * pow(1.12, n));
+        now = moving_frame(&s, context, n, 1);
+        CHECK(now.is_met && now.error <= 0.12);
+        if (n > 0) changes += differ(&now, &last);
+        last = now;
+    }
+    CHECK(changes >= 2);
+    sps_destroy(context);
+}
+
+/* ----------------------------------------------------------------------------------------------- smaller pictures */
+
+static void test_scale_refused(void) {
+    sps_context *context = check_context(NULL);
+    static const double bad[] = {-1, -1e-300, 1.000001, HUGE_VAL, NAN};
+    check_scene s;
+    for (int i = 0; i < 9; ++i) {
+        start(&s);
+        s.view.budget_seconds = 1;
+        s.view.budget_scale_min = i < 5 ? bad[i] : 1;
+        if (i == 5) s.view.budget_seconds = 0;
+        if (i == 6) s.view.budget_seconds = 0, s.view.budget_error = 0.5;
+        if (i == 7) s.view.region[2] = s.view.region[3] = SIZE;
+        if (i < 8)
+            check_fails(context, &s, image, SPS_ERROR_ARGUMENT, "up to 1 with budget_seconds and without region");
+        else
+            CHECK_OK(context, check_try(context, &s, image));
+        if (i < 8) CHECK(strstr(sps_error(context), "view.budget_scale_min is ") != NULL);
+    }
+    sps_destroy(context);
+}
+
+enum { WIDE = 31, HIGH = 17, PITCH = 33, ROOM = PITCH * HIGH };
+
+/* Renders into rows of PITCH pixels, of which the rest keeps its mark. */
+static void render_marked(sps_context *context, const check_scene *s, size_t row_pixels, float *rgba, float *depth) {
+    sps_image into;
+    memset(&into, 0, sizeof into);
+    into.rgba = rgba, into.depth = depth, into.row_pixels = row_pixels;
+    for (int i = 0; i < 5 * ROOM; ++i) *(i < 4 * ROOM ? rgba + i : depth + i - 4 * ROOM) = -7;
+    CHECK_OK(context, sps_render(context, &s->scene, &s->view, &into));
+}
+
+/* A picture that a budget shrinks has the bits of that size rendered by hand, at the top left, depths too; nothing else
+   is written. Cameras of all kinds, edges of polygons, and gas that scatters more than once. */
+static void test_shrunk(void) {
+    static float small[5 * ROOM], by_hand[5 * ROOM];
+    static const double matrix[16] = {2, 0, 0, 0, 0, 2, 0, 0, 0, 0, -1.1, 4, 0, 0, -1, 4};
+    static const struct {
+        double scale;
+        int width, height;
+    } sizes[] = {{0.5, 16, 9}, {1e-300, 1, 1}, {0.3, 10, 6}, {1, WIDE, HIGH}, {0, WIDE, HIGH}};
+    check_triangles floor;
+    const double corner[3] = {-2, -1, -1}, u[3] = {4, 0, 0}, v[3] = {0, 3, -1};
+    memset(&floor, 0, sizeof floor);
+    check_add_quad(&floor, corner, u, v);
+    for (int n = 0; n < 15; ++n) {
+        sps_context *context = check_context(NULL);
+        sps_budget_report chosen;
+        sps_plan_report plan;
+        check_scene s, hand;
+        const size_t row = n % 2 ? PITCH : 0;
+        start(&s);
+        s.view.width = WIDE, s.view.height = HIGH;
+        if (n % 3 == 1) s.view.camera.ortho_height = 0, s.view.camera.field_of_view = 0.8;
+        if (n % 3 == 2) s.view.camera.ortho_height = 0, s.view.camera.world_to_clip = matrix;
+        if (n % 4 == 1) check_add_mesh(&s, &floor, 0.5), s.view.coverage_samples = 3;
+        if (n % 4 == 3) s.view.scattering = SPS_SCATTERING_MULTIPLE;
+        s.view.budget_seconds = 1e-9, s.view.budget_scale_min = sizes[n % 5].scale;
+        render_marked(context, &s, row, small, small + 4 * ROOM);
+        chosen = budget_of(context);
+        CHECK(chosen.width == sizes[n % 5].width && chosen.height == sizes[n % 5].height);
+        CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+        CHECK(plan.budget.width == chosen.width && plan.budget.height == chosen.height);
+        hand = s;
+        hand.scene.volumes = hand.volume, hand.scene.lights = hand.light, hand.scene.meshes = hand.mesh;
+        hand.view.budget_seconds = hand.view.budget_scale_min = 0;
+        hand.view.width = chosen.width, hand.view.height = chosen.height;
+        hand.view.quality = chosen.quality, hand.view.slab_thickness = chosen.slab_thickness;
+        hand.view.tolerance = chosen.tolerance, hand.view.scattering_resolution = chosen.scattering_resolution;
+        render_marked(context, &hand, row ? row : WIDE, by_hand, by_hand + 4 * ROOM);
+        if (!CHECK(memcmp(small, by_hand, sizeof small) == 0)) printf("    case %d\n", n);
+        sps_destroy(context);
+    }
+    check_free_triangles(&floor);
+}
+
+/* More seconds buy larger pictures, up to the whole; never one below the least. */
+static void test_sizes(void) {
+    sps_context *context = check_context(NULL);
+    int seen[5] = {0};
+    sps_plan_report plan;
+    check_scene s;
+    start(&s);
+    s.view.width = 400, s.view.height = 300;
+    s.view.budget_scale_min = 0.25;
+    for (double seconds = 1e-5; seconds < 10; seconds *= 1.1) {
+        s.view.budget_seconds = seconds;
+        CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+        for (int k = 0; k < 5; ++k)
+            if (plan.budget.width == (int)ceil(400 * pow(0.25, k / 4.0)))
+                seen[k] += CHECK(plan.budget.height == (int)ceil(300 * pow(0.25, k / 4.0)));
+        CHECK(!plan.budget.is_met || plan.budget.seconds <= seconds);
+    }
+    CHECK(seen[0] > 0 && seen[1] + seen[2] + seen[3] > 0 && seen[4] > 0);
+    CHECK(plan.budget.width == 400 && plan.budget.height == 300);
+    sps_destroy(context);
+}
+
+/* What enlarging is off by counts: nothing for the whole, and as the ratio of sizes less 1. */
+static void test_blur(void) {
+    sps_context *context = check_context(NULL);
+    sps_plan_report plan[3];
+    check_scene s;
+    start(&s);
+    s.scene.volume_count = 0;
+    s.view.width = s.view.height = 400;
+    s.view.budget_seconds = 1e-9;
+    for (int n = 0; n < 3; ++n) {
+        s.view.budget_scale_min = n == 0 ? 0 : n == 1 ? 0.5 : 0.2;
+        CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan[n]));
+    }
+    CHECK_NEAR(plan[0].budget.error, 0, 0);
+    CHECK_NEAR(plan[1].budget.error, 0.11, 1e-9);
+    CHECK_NEAR(plan[2].budget.error, 4 * 0.11, 1e-9);
+    sps_destroy(context);
+}
+
 /* --------------------------------------------------------------------------------------------------------- failures */
 
 static void test_failures(void) {
@@ -641,6 +992,11 @@ static void test_failures(void) {
     s.view.budget_error = 0.5;
     CHECK(check_failing(&s, 0, check_long() ? 0 : 4, image, exact) > 10);
     CHECK(check_failing(&s, 1, 2, image, exact) > 3);
+    check_workers(&s, image, exact);
+    s.light[0].angular_diameter = 0;
+    s.view.budget_error = 0, s.view.budget_seconds = 1e-9, s.view.budget_scale_min = 0.6;
+    for (int i = 0; i < COUNT; ++i) image[i] = exact[i] = 0; /* what is not written */
+    CHECK(check_failing(&s, 0, check_long() ? 0 : 8, image, exact) > 10);
     check_workers(&s, image, exact);
 }
 
@@ -702,6 +1058,16 @@ int main(void) {
     RUN(test_small_frames);
     RUN(test_held);
     RUN(test_held_apart);
+    RUN(test_left);
+    RUN(test_steady);
+    RUN(test_asked_anew);
+    RUN(test_margins);
+    RUN(test_spared);
+    RUN(test_error_promised);
+    RUN(test_scale_refused);
+    RUN(test_shrunk);
+    RUN(test_sizes);
+    RUN(test_blur);
     RUN(test_failures);
     RUN(test_little);
     return check_report();

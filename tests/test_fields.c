@@ -299,6 +299,7 @@ static const struct {
     {"sps_scene", "background_fn", "callback"},
     {"sps_scene", "sky_fn", "callback"},
     {"sps_view", "budget_seconds", "budget: the setting may follow from measured times"},
+    {"sps_view", "budget_scale_min", "budget: test_budget compares each size with a picture that has it"},
     {"sps_view", "budget_error", "budget: test_budget compares each setting with a picture that has it"},
     {"sps_image", "rgba", "output"},
     {"sps_image", "depth", "output"},

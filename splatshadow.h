@@ -25888,13 +25888,12 @@ SPSI_COLD void spsi_candidates_order(const spsi_rates *pace, spsi_candidate *can
 
 /* Sets what candidates cost. In the second frame, making cells that later ones hold may double that. */
 SPSI_COLD void spsi_candidates_charge(const spsi_rates *pace, int frames, spsi_candidate *candidates) {
-    const int last = spsi_candidate_number(&pace->held);
-    const int makes = frames == 1 && candidates[last].is_held && !(candidates[last].making > 0);
-    for (int n = 0; n < SPSI_CANDIDATES; ++n) {
-        spsi_candidate *candidate = &candidates[n];
-        const double once = makes ? spsi_dmin(candidate->making, 0.5 * candidate->seconds) : 0;
-        const int guesses = frames == 3 && !candidate->is_known && candidate->error < candidates[last].error;
-        candidate->charge = (guesses ? SPSI_SPARE_GUESS : SPSI_SPARE) * (candidate->seconds - once);
+    const spsi_candidate *held = &candidates[spsi_candidate_number(&pace->held)];
+    const int makes = frames == 1 && held->is_held && !(held->making > 0);
+    for (spsi_candidate *one = candidates; one < candidates + SPSI_CANDIDATES; ++one) {
+        const int guesses = frames == 3 && !one->is_known && one->error < held->error;
+        const double once = makes ? spsi_dmin(one->making, 0.5 * one->seconds) : 0;
+        one->charge = (guesses ? SPSI_SPARE_GUESS : SPSI_SPARE) * (one->seconds - once);
     }
 }
 
@@ -25902,17 +25901,16 @@ SPSI_COLD void spsi_candidates_charge(const spsi_rates *pace, int frames, spsi_c
 SPSI_COLD void spsi_budget_ask(sps_context *context, const spsi_frame *frame, uint64_t gas) {
     const sps_view *view = &frame->view;
     const spsi_rays *eye = &frame->content->eye;
-    const double asked[] = {view->budget_seconds, view->budget_error, view->budget_scale_min, (double)view->scattering};
-    const int counts[] = {frame->medium_count, frame->meshes.count, frame->lights.count, frame->particles.set_count,
-                          view->width, view->height, spsi_lights_are_open(frame)};
+    const int *r = view->region, meshes = frame->meshes.count, open = spsi_lights_are_open(frame);
     const double *const vectors[] = {eye->a, eye->b, eye->c, eye->origin};
-    uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, asked, sizeof asked);
-    hash = spsi_fingerprint(hash, counts, sizeof counts);
-    context->pace.asked[1] = spsi_fingerprint(hash, view->region, sizeof view->region);
-    hash = frame->meshes.count > 0 && !context->faces_held ? 0 : gas;
-    if (hash) hash = spsi_fingerprint_word(hash, frame->meshes.count > 0 ? context->faces_held : 0);
+    const double asked[] = {view->budget_seconds, view->budget_error, view->budget_scale_min, (double)view->scattering,
+                            frame->medium_count,  meshes,             frame->lights.count,    open,
+                            frame->particles.set_count, view->width, view->height, r[0], r[1], r[2], r[3]};
+    uint64_t hash = meshes == 0 || gas == 0 ? gas : spsi_fingerprint_word(gas, context->faces_held);
+    if (meshes > 0 && !context->faces_held) hash = 0;
     for (int i = 0; i < frame->lights.count; ++i) hash = spsi_light_fingerprint(hash, &frame->lights.list[i]);
     for (int i = 0; i < 4 && hash; ++i) hash = spsi_fingerprint(hash, vectors[i], 3 * sizeof(double));
+    context->pace.asked[1] = spsi_fingerprint(SPSI_FINGERPRINT_START, asked, sizeof asked);
     context->pace.shown[1] = hash;
 }
 
@@ -25963,8 +25961,8 @@ SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame,
     const spsi_setting *only = context->pace.only;
     const uint64_t gas = spsi_gas_fingerprint(frame);
     const double spheres = spsi_spheres_depth(frame);
-    const int points = spsi_lights_are_open(frame) ? SPSI_POINT_PRESETS : 1;
     const double least = frame->view.budget_scale_min;
+    const int points = spsi_lights_are_open(frame) ? SPSI_POINT_PRESETS : 1;
     const int sizes = least > 0 && least < 1 ? SPSI_SIZE_PRESETS : 1;
     spsi_candidate candidates[SPSI_CANDIDATES];
     spsi_work work;
@@ -25973,8 +25971,8 @@ SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame,
     spsi_budget_ask(context, frame, gas);
     for (int n = 0; n < sizes * SPSI_EACH_SIZE; n += SPSI_CELL_PRESETS) {
         setting = spsi_candidate_setting(n);
-        if (setting.points >= points) continue;
-        if (only && (setting.gas != only->gas || setting.points != only->points || setting.size != only->size)) continue;
+        if (setting.points >= points || (only && setting.size > 0)) continue;
+        if (only && memcmp(&setting, only, offsetof(spsi_setting, cells)) != 0) continue;
         if (spsi_setting_apply(context, frame, &setting)) return context->result;
         spsi_work_count(context, frame, voxels, gas, &work);
         spsi_cell_candidates(context, frame, spsi_dmax(spent, 0), spheres, &work, n, candidates); /* clocks may jump */
@@ -25984,19 +25982,16 @@ SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame,
     if (spsi_setting_apply(context, frame, &setting)) return context->result;
     spsi_work_count(context, frame, voxels, gas, &work);
     spsi_work_count_cells(context, frame, &work);
-    const int timed = frame->view.budget_seconds > 0;
-    report->is_met = candidates[best].exists && (timed ? candidates[best].seconds <= frame->view.budget_seconds
-                                                       : candidates[best].error <= frame->view.budget_error);
-    report->seconds = candidates[best].seconds;
-    report->error = candidates[best].error;
-    report->quality = frame->view.quality;
-    report->slab_thickness = spsi_preset_of(frame, setting.gas).slab_thickness;
-    report->tolerance = frame->view.tolerance;
-    report->samples = spsi_lights_are_open(frame) ? frame->accuracy.light_points : 0;
-    report->scattering_resolution =
-        spsi_uses_cells(frame) || spsi_convolves(frame) ? frame->view.scattering_resolution : 0;
-    report->width = frame->view.region[2];
-    report->height = frame->view.region[3];
+    const spsi_candidate *chosen = &candidates[best];
+    const sps_view *view = &frame->view;
+    const int open = spsi_lights_are_open(frame), again = spsi_uses_cells(frame) || spsi_convolves(frame);
+    const int meets = view->budget_seconds > 0 ? chosen->seconds <= view->budget_seconds
+                                               : chosen->error <= view->budget_error;
+    const sps_budget_report made = {
+        chosen->exists && meets, chosen->seconds, chosen->error, view->quality,
+        spsi_preset_of(frame, setting.gas).slab_thickness, view->tolerance, open ? frame->accuracy.light_points : 0,
+        again ? view->scattering_resolution : 0, view->region[2], view->region[3]};
+    *report = made;
     context->pace.counts = 1;
     context->pace.setting = setting;
     context->pace.work = work;

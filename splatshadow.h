@@ -4897,7 +4897,7 @@ SPSI_COLD sps_result spsi_check_budget(const spsi_subject *at, const sps_view *v
         {"budget_error", view->budget_error, 0, view->budget_seconds > 0 ? 0 : DBL_MAX,
          "budget_seconds is set, too: set one of both"},
         {"budget_scale_min", view->budget_scale_min, 0,
-         view->budget_seconds > 0 && !spsi_has_region(view->region) ? 1 : 0,
+         view->budget_seconds > 0 && !spsi_has_region(view->region) ? 1.0 : 0,
          "it must be 0, or up to 1 with budget_seconds and without region"},
         {"quality", (double)(int)view->quality, 0, spare, rule},
         {"slab_thickness", view->slab_thickness, 0, spare, rule},
@@ -25903,15 +25903,16 @@ SPSI_COLD void spsi_budget_ask(sps_context *context, const spsi_frame *frame, ui
     const spsi_rays *eye = &frame->content->eye;
     const int *r = view->region, meshes = frame->meshes.count, open = spsi_lights_are_open(frame);
     const double *const vectors[] = {eye->a, eye->b, eye->c, eye->origin};
-    const double asked[] = {view->budget_seconds, view->budget_error, view->budget_scale_min, (double)view->scattering,
-                            frame->medium_count,  meshes,             frame->lights.count,    open,
-                            frame->particles.set_count, view->width, view->height, r[0], r[1], r[2], r[3]};
+    const double limits[] = {view->budget_seconds, view->budget_error, view->budget_scale_min};
+    const int asked[] = {(int)view->scattering, frame->medium_count, meshes, frame->lights.count, open,
+                         frame->particles.set_count, view->width, view->height, r[0], r[1], r[2], r[3]};
     uint64_t hash = meshes == 0 || gas == 0 ? gas : spsi_fingerprint_word(gas, context->faces_held);
     if (meshes > 0 && !context->faces_held) hash = 0;
     for (int i = 0; i < frame->lights.count; ++i) hash = spsi_light_fingerprint(hash, &frame->lights.list[i]);
     for (int i = 0; i < 4 && hash; ++i) hash = spsi_fingerprint(hash, vectors[i], 3 * sizeof(double));
-    context->pace.asked[1] = spsi_fingerprint(SPSI_FINGERPRINT_START, asked, sizeof asked);
     context->pace.shown[1] = hash;
+    hash = spsi_fingerprint(SPSI_FINGERPRINT_START, limits, sizeof limits);
+    context->pace.asked[1] = spsi_fingerprint(hash, asked, sizeof asked);
 }
 
 /* True if the last frame's setting is kept, though `best` may be better. An error that is missed is not. */

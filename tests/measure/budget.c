@@ -124,8 +124,8 @@ static struct {
     double rates[SPSI_STAGE_COUNT][SPSI_PRESETS][SAMPLES_MOST];
     int count[SPSI_STAGE_COUNT][SPSI_PRESETS];
     double gas[2][SPSI_PRESETS], points[SPSI_POINT_PRESETS], cells[SPSI_CELL_PRESETS]; /* worst errors */
-    double balls[SPSI_PRESETS];                         /* of optical depth 1 */
-    double blur;                                        /* of half the size */
+    double balls[SPSI_PRESETS];                                                        /* of optical depth 1 */
+    double blur;                                                                       /* of half the size */
 } found;
 
 static void keep_rates(const ex_session *session, const spsi_setting *setting) {

@@ -755,9 +755,9 @@ typedef struct sps_view {
        voxels of at least 0.14 pixels. */
     float tolerance;
     sps_scattering scattering; /* 0: SPS_SCATTERING_AUTO */
-    /* SPS_SCATTERING_MULTIPLE: cells along the longest side of the gas, up to 256; 0: 24, 48, 64 or 96 by quality.
-       Dense gas: error is proportional to a cell's optical depth. CONVOLUTION: half the texels across a light's
-       sheets. */
+    /* SPS_SCATTERING_MULTIPLE: cells along the longest side of the gas, up to 256; 0: 24, 48, 64 or 96 by quality, down
+       to half in thin gas or few pixels. Dense gas: error is proportional to a cell's optical depth. CONVOLUTION: half
+       the texels across a light's sheets. */
     int scattering_resolution;
     /* SPS_SCATTERING_AUTO: single scattering if higher orders carry at most this fraction of its energy, 0..1;
        0: 0.01. Scattering or emitting gas with polygons is always MULTIPLE; so is gas with lobes under a
@@ -6698,7 +6698,8 @@ typedef struct spsi_table_maxima {
 } spsi_table_maxima;
 
 /* Maximum extinction for values up to the brick's maximum, which kernel sums do not exceed. */
-SPSI_COLD float spsi_brick_extinction(const spsi_material *material, const spsi_brick *brick, spsi_table_maxima *maxima) {
+SPSI_COLD float spsi_brick_extinction(const spsi_material *material, const spsi_brick *brick,
+                                      spsi_table_maxima *maxima) {
     if (!material->table) return brick->most * material->extinction;
     for (int i = 0; i <= SPSI_TABLE_SIZE && maxima->material != material; ++i)
         maxima->most[i] = spsi_fmax(i > 0 ? maxima->most[i - 1] : 0, material->table->entry[i][3]);
@@ -19375,7 +19376,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
         at[axis] = end + outward * spsi_dmax(beyond, nearest);
         square += (at[axis] - end) * (at[axis] - end);
         for (int k = 0; k < 2; ++k)
-            parts[k] = (int)spsi_dmin(ceil(0.03125 * SPSI_CELL_PATCHES * from.extent[from.along[k]] / sqrt(square)),
+            parts[k] = (int)spsi_dmin(ceil(0.0625 * SPSI_CELL_PATCHES * from.extent[from.along[k]] / sqrt(square)),
                                    to->parts);
         spsi_set3(at, from.at);
         for (int k = 0; k < 3; ++k) middle[k] = spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET), from.at[k]);
@@ -19450,6 +19451,7 @@ static void spsi_cells_lookup(const spsi_cell_grid *grid, int material, const sp
     const float *first = grid->seen + 4 * (size_t)material * grid->count;
     const size_t pitch = 4 * (size_t)grid->pitch, up = grid->size[1] > 1 ? pitch : 0;
     const size_t on = grid->size[2] > 1 ? pitch * (size_t)grid->size[1] : 0;
+    const size_t steps[8] = {0, 4, up, up + 4, on, on + 4, on + up, on + up + 4};
     float cells[3][SPSI_LANES], weights[8][SPSI_LANES], sums[4 * SPSI_LANES] = {0};
     spsi_v share[3][2];
     for (int k = 0; k < 3; ++k) {
@@ -19467,8 +19469,7 @@ static void spsi_cells_lookup(const spsi_cell_grid *grid, int material, const sp
         const float *low = first + pitch * row + 4 * (size_t)cells[0][lane];
         spsi_four sum = spsi_four_scale(weights[0][lane], spsi_four_load(low));
         for (int i = 1; i < 8; ++i)
-            sum = spsi_four_add(weights[i][lane],
-                                spsi_four_load(low + 4 * (i & 1) + up * (size_t)(i >> 1 & 1) + on * (size_t)(i >> 2)), sum);
+            sum = spsi_four_add(weights[i][lane], spsi_four_load(low + steps[i]), sum);
         spsi_four_store(sums + 4 * lane, sum);
     }
     spsi_lookup_four(sums, spsi_iota(), seen);
@@ -22935,20 +22936,24 @@ SPSI_COLD void spsi_groups_build(const sps_context *context, const spsi_frame *f
     while (spsi_groups_join(groups, groups->count > SPSI_CELL_GRIDS ? HUGE_VAL : SPSI_GROUPS_APART)) continue;
 }
 
-/* Cells along the longest side. They must resolve the optical depth along it, at the medium's mean extinction weighted by
-   mass: their number grows with its root. Cells need not be smaller than two pixels. Multiples of 4 keep most moving
-   cameras' cells. */
+/* Cells along the longest side. They must resolve the optical depth along it, at the medium's mean extinction weighted
+   by mass: their number grows with its root. Cells need not be smaller than two pixels, but 8 span the shortest side.
+   Multiples of 4 keep most moving cameras' cells. */
 SPSI_COLD int spsi_cells_across(const spsi_frame *frame, const spsi_gas_group *group) {
     const int most = frame->view.scattering_resolution, least = frame->accuracy.cells_least;
     const double longest = spsi_bounds_longest(&group->bounds);
     const double depth = group->sum > 0 ? group->squares / group->sum * longest : 0;
     const spsi_rays *eye = &frame->content->eye;
-    double wanted = most * sqrt(depth / 42), to[3], pixel;
+    double wanted = most * sqrt(depth / 42), to[3], pixel, shortest = longest;
     if (least == most || frame->matter.emits) return most;
-    for (int k = 0; k < 3; ++k) to[k] = 0.5 * (group->bounds.low[k] + group->bounds.high[k]) - eye->origin[k];
+    for (int k = 0; k < 3; ++k) {
+        to[k] = 0.5 * (group->bounds.low[k] + group->bounds.high[k]) - eye->origin[k];
+        shortest = spsi_dmin(shortest, group->bounds.high[k] - group->bounds.low[k]);
+    }
     pixel = frame->every_light ? 0 : spsi_pixel_size_at(eye, spsi_length(to) / spsi_length(eye->c));
     if (pixel > 0) wanted = spsi_dmin(wanted, most / 96.0 * longest / pixel);
-    return (int)spsi_dmax(least, spsi_dmin(4 * ceil(0.25 * wanted), most));
+    wanted = spsi_dmax(least, spsi_dmin(4 * ceil(0.25 * wanted), most));
+    return wanted * shortest < 8 * longest ? most : (int)wanted;
 }
 
 SPSI_COLD int spsi_cells_place(const spsi_bounds *bounds, int across, spsi_cell_grid *grid) {
@@ -23175,9 +23180,9 @@ SPSI_COLD void spsi_cells_mean_scale(const spsi_cell_job *job) {
 
 /* =================================================================================================== >>lighting
    33 Light on cells. Each light adds E exp(-k t) Y(d)/(4 pi) per sample and moment. E is irradiance, t the optical
-   depth to the light, k the cell's extinction scale, d the direction. Polygons at closed links reflect E color/pi.
-   Narrow beams and small lit patches of polygons become emitters, >>flights. Cost: as for filling, plus eight lookups
-   per cell and light, 26 rays per cell near polygons, 50 at the grid's border. */
+   depth to the light, marched through samples or cells, k the cell's extinction scale, d the direction. Polygons at
+   closed links reflect E color/pi. Narrow beams and small lit patches of polygons become emitters, >>flights. Cost: as
+   for filling, plus eight marches per cell and light, 26 rays per cell near polygons, 50 at the grid's border. */
 
 static void spsi_cone_ray(const spsi_light *light, double versine, double turn, spsi_ray *ray) {
     const double sine = sqrt(versine * (2 - versine));
@@ -23209,27 +23214,49 @@ SPSI_COLD double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *li
 /* Rays from places relative to a grid's corner. */
 typedef struct spsi_cell_path {
     spsi_v place[3], way[3], range[2]; /* unit vectors; distances */
-    int even; /* 1: lanes are neighbours in a row, and parallel */
+    int even;   /* 1: lanes are neighbours in a row, and parallel */
+    float enough; /* optical depth beyond which the rest does not matter */
 } spsi_cell_path;
 
-/* An array's entries at one step, of all lanes. */
-static inline spsi_v spsi_cells_entry(const float *depth, int pitch, const int size[3], const spsi_v at[3], int even) {
-    const spsi_v zero = spsi_set(0), y = spsi_clamp(at[1], zero, spsi_set((float)(size[1] - 1)));
-    const spsi_v z = spsi_clamp(at[2], zero, spsi_set((float)(size[2] - 1)));
-    const spsi_v row = spsi_fma(z, spsi_set((float)size[1]), y);
-    const int x = even ? (int)spsi_one(at[0]) : -1;
-    if (x >= 0 && x + SPSI_LANES <= pitch) return spsi_load(depth + (size_t)spsi_one(row) * (size_t)pitch + x);
-    return spsi_lookup(depth, pitch, spsi_clamp(at[0], zero, spsi_set((float)(size[0] - 1))), row);
+/* Interpolates an array between entries. `even`: lanes are neighbours in a row. */
+static inline spsi_v spsi_cells_between(const float *depth, int pitch, const int size[3], const spsi_v at[3],
+                                        int even) {
+    const spsi_v zero = spsi_set(0);
+    spsi_v low[3], share[3], row;
+    for (int k = 0; k < 3; ++k) {
+        const spsi_v last = spsi_set((float)spsi_imax(size[k] - 2, 0));
+        low[k] = k > 0 || !even ? spsi_clamp(spsi_floor(at[k]), zero, last) : spsi_floor(at[k]);
+        share[k] = spsi_clamp(spsi_sub(at[k], low[k]), zero, spsi_set(1));
+    }
+    row = spsi_fma(low[2], spsi_set((float)size[1]), low[1]);
+    const int x = (int)spsi_one(low[0]), up = size[1] > 1 ? pitch : 0, on = size[2] > 1 ? pitch * size[1] : 0;
+    if (even && x >= 0 && x + 1 + SPSI_LANES <= pitch) {
+        const float *from = depth + (size_t)spsi_one(row) * (size_t)pitch + x;
+        spsi_v planes[2];
+        for (int i = 0; i < 2; ++i, from += on) {
+            const spsi_v a = spsi_mix(spsi_load(from), spsi_load(from + 1), share[0]);
+            const spsi_v b = spsi_mix(spsi_load(from + up), spsi_load(from + up + 1), share[0]);
+            planes[i] = spsi_mix(a, b, share[1]);
+        }
+        return spsi_mix(planes[0], planes[1], share[2]);
+    }
+    const spsi_v next = spsi_min(spsi_add(low[2], spsi_set(1)), spsi_set((float)(size[2] - 1)));
+    const spsi_v y = spsi_clamp(at[1], zero, spsi_set((float)(size[1] - 1))), rows = spsi_set((float)size[1]);
+    const spsi_v to_x = spsi_clamp(at[0], zero, spsi_set((float)(size[0] - 1)));
+    const int lines = spsi_imax(2, size[1] * size[2]);
+    return spsi_mix(spsi_bilinear(depth, pitch, lines, to_x, spsi_fma(low[2], rows, y)),
+                    spsi_bilinear(depth, pitch, lines, to_x, spsi_fma(next, rows, y)), share[2]);
 }
 
-/* Optical depth along paths, in steps of one of `fine` entries per cell edge; half of the entry where a path begins.
-   Stops beyond `enough`. */
+/* Optical depth along paths, in steps of one of `fine` entries per cell edge, without the entry where a path begins:
+   deep gas would shadow itself. Paths begin in entries' middles, or add half of the first to `own`. */
 static spsi_v spsi_cells_march(const spsi_cell_grid *grid, const float *depth, int fine, const spsi_cell_path *path,
-                               float enough) {
+                               spsi_v *own) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f), least = spsi_set(1e-20f);
     const spsi_v unit = spsi_set((float)(fine / grid->edge));
     const int size[3] = {fine * grid->size[0], fine * grid->size[1], fine * grid->size[2]};
-    spsi_v enter = spsi_mul(path->range[0], unit), leave = spsi_mul(path->range[1], unit), from[3], sum = zero, t;
+    spsi_v enter = spsi_mul(path->range[0], unit), leave = spsi_mul(path->range[1], unit);
+    spsi_v from[3], weight = one, sum = zero, t;
     for (int k = 0; k < 3; ++k) {
         const spsi_v way = spsi_select(spsi_less(spsi_abs(path->way[k]), least), least, path->way[k]);
         from[k] = spsi_mul(path->place[k], unit);
@@ -23237,30 +23264,36 @@ static spsi_v spsi_cells_march(const spsi_cell_grid *grid, const float *depth, i
         const spsi_v high = spsi_div(spsi_sub(spsi_set((float)size[k]), from[k]), way);
         enter = spsi_max(enter, spsi_min(low, high));
         leave = spsi_min(leave, spsi_max(low, high));
+        weight = spsi_mul(weight, spsi_sub(one, spsi_min(spsi_abs(path->way[k]), one)));
+        from[k] = spsi_sub(from[k], half);
     }
     const spsi_m later = spsi_less(zero, enter);
-    spsi_v share = spsi_select(later, zero, spsi_clamp(leave, zero, half));
-    for (t = zero;;) {
-        spsi_v at[3];
-        for (int k = 0; k < 3; ++k) at[k] = spsi_floor(spsi_fma(path->way[k], t, from[k]));
-        sum = spsi_fma(share, spsi_cells_entry(depth, fine * grid->pitch, size, at, path->even), sum);
-        t = spsi_select(spsi_less(zero, t), spsi_add(t, one), spsi_add(enter, spsi_select(later, half, one)));
-        share = spsi_clamp(spsi_add(spsi_sub(leave, t), half), zero, one);
-        if (!spsi_bits(spsi_and(spsi_less(zero, share), spsi_less(sum, spsi_set(enough))))) return sum;
+    const spsi_v first = spsi_cells_between(depth, fine * grid->pitch, size, from, path->even);
+    *own = spsi_add(*own, spsi_select(later, zero, spsi_mul(spsi_clamp(leave, zero, half), first)));
+    weight = spsi_select(later, zero, weight);
+    for (t = spsi_add(enter, spsi_select(later, half, one));; t = spsi_add(t, one), weight = zero) {
+        const spsi_v share = spsi_clamp(spsi_add(spsi_sub(leave, t), half), zero, one);
+        spsi_v at[3], found;
+        if (!spsi_bits(spsi_and(spsi_less(zero, share), spsi_less(sum, spsi_set(path->enough))))) return sum;
+        for (int k = 0; k < 3; ++k) at[k] = spsi_fma(path->way[k], t, from[k]);
+        found = spsi_cells_between(depth, fine * grid->pitch, size, at, path->even);
+        found = spsi_div(spsi_max(spsi_sub(found, spsi_mul(weight, first)), zero), spsi_sub(one, weight));
+        sum = spsi_fma(share, found, sum);
     }
 }
 
 #define SPSI_CELL_DARK 12 /* light beyond this optical depth is ignored: 6e-6 */
-#define SPSI_CELL_NEAR 4  /* edges marched through samples if rays are not parallel, or start in no row */
+#define SPSI_CELL_NEAR 4  /* edges that rays towards a lamp cross through samples; then through cells */
 
-/* Optical depth of the medium towards a light. `samples`: 1: places are a row of samples. */
+/* Optical depth of the medium towards a light. `samples`: 1: from a row of samples, without their own. */
 static spsi_v spsi_cells_depth_toward(const spsi_cell_job *job, const spsi_light *light, const spsi_v place[3],
                                       int samples) {
     const spsi_cell_grid *own = job->grid;
     spsi_cell_path path;
-    spsi_v distance = spsi_set(1e30f), sum = spsi_set(0);
-    float scale = 1;
-    for (int c = 0; c < own->channels; ++c) scale = spsi_fmin(scale, spsi_fmax(own->scale[c], 0.05f));
+    spsi_v distance = spsi_set(1e30f), sum = spsi_set(0), first = sum;
+    path.enough = SPSI_CELL_DARK;
+    for (int c = 0; c < own->channels; ++c)
+        path.enough = spsi_fmax(path.enough, SPSI_CELL_DARK / spsi_fmax(own->scale[c], 0.05f));
     for (int k = 0; k < 3; ++k) {
         path.way[k] = spsi_set((float)-light->direction[k]);
         if (light->is_point) path.way[k] = spsi_sub(spsi_set((float)(light->position[k] - own->corner[k])), place[k]);
@@ -23277,14 +23310,14 @@ static spsi_v spsi_cells_depth_toward(const spsi_cell_job *job, const spsi_light
             path.place[k] = spsi_add(place[k], spsi_set((float)(own->corner[k] - grid->corner[k])));
         path.range[0] = spsi_set(0);
         path.range[1] = path.even ? distance : spsi_min(distance, spsi_set(SPSI_CELL_NEAR * (float)own->edge));
-        if (inside) sum = spsi_add(sum, spsi_cells_march(grid, job->samples, 2, &path, SPSI_CELL_DARK / scale));
+        if (inside) sum = spsi_add(sum, spsi_cells_march(grid, job->samples, 2, &path, &first));
         if (inside && path.even) continue;
         if (inside) path.range[0] = path.range[1];
         path.range[1] = distance;
         path.even = 0;
-        sum = spsi_add(sum, spsi_cells_march(grid, grid->depth, 1, &path, SPSI_CELL_DARK / scale));
+        sum = spsi_add(sum, spsi_cells_march(grid, grid->depth, 1, &path, &first));
     }
-    return sum;
+    return samples ? sum : spsi_add(sum, first);
 }
 
 /* Depth maps and translucency maps are valid for all grids. */
@@ -23335,10 +23368,9 @@ static void spsi_cell_spot_build(const spsi_shader *shader, double thickness, in
     spot->slab.leave = spsi_set(middle + half);
 }
 
-/* Mean transmittance with scaled extinction: forward peaks count as transmitted. `found`: optical depth at sample
-   centres. */
-static spsi_v spsi_cell_spot_straight(const spsi_cell_spot *spot, spsi_v found, int channel) {
-    const spsi_v half = spsi_mul(spot->depth, spsi_set(0.5f)), before = spsi_max(spsi_sub(found, half), spsi_set(0));
+/* Mean transmittance with scaled extinction: forward peaks count as transmitted. `before`: optical depth ahead of the
+   samples. */
+static spsi_v spsi_cell_spot_straight(const spsi_cell_spot *spot, spsi_v before, int channel) {
     const spsi_v from = spsi_mul(spot->scale[channel], before);
     return spsi_mean_transmittance(from, spsi_fma(spot->scale[channel], spot->depth, from));
 }
@@ -23349,14 +23381,14 @@ static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *s
     const spsi_v half = spsi_set(0.5f), unit = spsi_set((float)(0.5 * job->grid->edge));
     const spsi_v place[3] = {spsi_mul(spsi_add(spot->pixels.at, half), unit),
                              spsi_mul(spsi_set((float)spot->pixels.y + 0.5f), unit), spot->part.middle};
-    const spsi_v found = spsi_cells_depth_toward(job, shadow->light, place, 1);
+    const spsi_v before = spsi_cells_depth_toward(job, shadow->light, place, 1);
     spsi_v lit[SPSI_SUBSLABS], filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
     spsi_lit_fractions(&job->shader, &shadow->depth_map, &spot->pixels, &spot->slab, lit);
     if (shadow->translucency_map_count > 0)
         spsi_subslab_filter(&job->shader, shadow, &spot->pixels, &spot->part, filter);
     SPSI_ROLLED for (int c = 0; c < job->grid->channels; ++c) {
         const spsi_v share = spsi_mul(lit[0], filter[c]);
-        passes[c] = spsi_mul(share, spsi_cell_spot_straight(spot, found, c));
+        passes[c] = spsi_mul(share, spsi_cell_spot_straight(spot, before, c));
     }
 }
 
@@ -24152,7 +24184,7 @@ static spsi_v spsi_cells_stop(const spsi_cell_level *level, const spsi_v before[
     return spsi_load(passes);
 }
 
-/* Adds `taken` of the sources of cells in columns x to each ray's sums, or to a row of sums if there is one term. Vectors
+/* Adds `taken` of the sources of cells in columns x to each ray's sums; to a row of sums if there is one term. Vectors
    may read beyond a cell's terms. */
 static void spsi_cells_add_sources(const spsi_cell_level *level, spsi_v x, spsi_v row, spsi_v taken,
                                    float sums[SPSI_LANES][SPSI_CELL_TERMS]) {
@@ -25569,7 +25601,7 @@ SPSI_COLD sps_result spsi_setting_apply(sps_context *context, spsi_frame *frame,
     spsi_lights *lights = &frame->lights;
     sps_view *view = &frame->view;
     if (view->budget_scale_min > 0) {
-        const double scale = pow(view->budget_scale_min, setting->size / (SPSI_SIZE_PRESETS - 1.0));
+        const double scale = pow(view->budget_scale_min, setting->size / (double)(SPSI_SIZE_PRESETS - 1));
         view->region[2] = view->width = (int)ceil(scale * frame->size[0]);
         view->region[3] = view->height = (int)ceil(scale * frame->size[1]);
     }
@@ -25810,7 +25842,8 @@ SPSI_COLD void spsi_work_count_cells(const sps_context *context, const spsi_fram
     const spsi_rates *pace = &context->pace;
     double cells = 0;
     spsi_cell_grid grid;
-    if ((spsi_uses_cells(frame) || spsi_convolves(frame)) && spsi_cells_place(&frame->content->bounds, frame->view.scattering_resolution, &grid))
+    if ((spsi_uses_cells(frame) || spsi_convolves(frame)) &&
+        spsi_cells_place(&frame->content->bounds, frame->view.scattering_resolution, &grid))
         cells =
             (double)frame->channels * grid.size[0] * grid.size[1] * grid.size[2] * (frame->meshes.count > 0 ? 2 : 1);
     const int are_held = cells > 0 && context->cells_cached != 0 && pace->scattered != 0 &&

@@ -916,6 +916,7 @@ static int load_impostor(arguments *all, const scene_arrays *arrays, ex_error *e
     sps_scene scene;
     ex_map_aim aim;
     memset(&scene, 0, sizeof scene), memset(&aim, 0, sizeof aim);
+    if (shadow_is(all, "auto")) all->shadow = SPS_TMAP_TABLE; /* slabs of sheets blur depths */
     if (load_scene(all, arrays, &scene, error)) return EX_MISTAKEN;
     if (!find_bounds(all, aim.lo, aim.hi)) {
         ex_fail(error, "nothing to bake: the scene is empty");

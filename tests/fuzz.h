@@ -684,22 +684,24 @@ static float rgba[4 * PIXELS_MAX], distance[PIXELS_MAX], lower[3 * PIXELS_MAX], 
 /* Pixels of these that are used. */
 static int pixel_room(void) { return from_bytes ? 90 + TINY + 1 : PIXELS_MAX; }
 
-static int image_sane(const scenery *x) {
+static int image_sane(const scenery *x, const sps_context *context) {
     const sps_view *view = &x->s.view;
     const int width = view->region[2] ? view->region[2] : view->width;
     const int height = view->region[2] ? view->region[3] : view->height;
-    for (int i = 0; i < 4 * width * height; ++i)
-        if (!(rgba[i] >= 0 && (double)rgba[i] <= (i % 4 == 3 ? 1 : (double)FLT_MAX))) {
-            printf("    number %d of pixel %d,%d: %g\n", i % 4, i / 4 % width, i / 4 / width, (double)rgba[i]);
-            return 0;
-        }
-    for (int i = 0; i < width * height; ++i)
-        if (!((double)distance[i] >= -1e30)) {
-            printf("    distance of pixel %d,%d: %g\n", i % width, i / width, (double)distance[i]);
-            return 0;
-        }
-    for (int i = 4 * width * height; i < 4 * pixel_room(); ++i)
-        if (!(rgba[i] == -7) || !(distance[i / 4] == -7)) return printf("    written beyond its end\n"), 0;
+    int size[2] = {width, height}; /* a budget may shrink it */
+    sps_stats_report stats;
+    sps_get_stats(context, &stats);
+    if (view->budget_scale_min > 0 && stats.budget.width > 0)
+        size[0] = stats.budget.width, size[1] = stats.budget.height;
+    if (size[0] > width || size[1] > height) return printf("    a budget enlarged it\n"), 0;
+    for (int i = 0; i < pixel_room(); ++i) {
+        const int x_at = i % width, y_at = i / width, inside = x_at < size[0] && y_at < size[1];
+        for (int k = 4 * i; k < 4 * i + 4; ++k)
+            if (inside ? !(rgba[k] >= 0 && (double)rgba[k] <= (k % 4 == 3 ? 1 : (double)FLT_MAX)) : !(rgba[k] == -7))
+                return printf("    number %d of pixel %d,%d: %g\n", k % 4, x_at, y_at, (double)rgba[k]), 0;
+        if (inside ? !((double)distance[i] >= -1e30) : !(distance[i] == -7))
+            return printf("    distance of pixel %d,%d: %g\n", x_at, y_at, (double)distance[i]), 0;
+    }
     return 1;
 }
 
@@ -764,8 +766,8 @@ static void report(long number, const char *what, sps_result result, const sps_c
 /* Checks that hold after any call. */
 static void check_outcome(const scenery *x, long number, const char *what, sps_result result,
                           const sps_context *context) {
-    const int good =
-        result == SPS_OK ? image_sane(x) && !sps_error(context)[0] : image_untouched() && sps_error(context)[0];
+    const int good = result == SPS_OK ? image_sane(x, context) && !sps_error(context)[0]
+                                      : image_untouched() && sps_error(context)[0];
     if (!CHECK_CASE("Engineering", "random scenes with strange numbers, 300 of them",
                     "every pixel finite, not negative and within bounds; or an error, and the image untouched", !good,
                     0, "exact") ||

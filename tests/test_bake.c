@@ -1181,7 +1181,7 @@ static void test_impostor(void) {
         {CARDS "--texels half --out-a c.exr --out-b d.dds", 0, NULL}};
     static const complaint lit = {
         "--particles ball.f32 --light directional,-1,0,-1,1,1,1 --width 9 --height 9 --camera "
-        "0,0,6,0,0,0 --ortho 2 --pfm x.pfm",
+        "0,0,6,0,0,0 --ortho 2 --shadow table --pfm x.pfm",
         0, NULL};
     static char pfm[2000];
     static double a[324];

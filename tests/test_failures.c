@@ -146,7 +146,7 @@ static int fails_between(kept kind, cause why, long n) {
 static void test_held(void) {
     for (int kind = 0; kind < KINDS; ++kind) {
         sps_context *context = check_context(NULL);
-        const int table = kind == ALL ? 2 : kind == TABLE, followed = kind == CELLS || kind == SPREAD || kind == ALL;
+        const int table = kind == ALL || kind == TABLE, followed = kind == CELLS || kind == SPREAD || kind == ALL;
         render_fresh((kept)kind);
         for (int n = 0; n < 3; ++n) {
             const long before = provider.calls;

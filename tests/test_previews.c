@@ -285,7 +285,7 @@ static void test_tables(void) {
         sps_stats_report stats;
         check_scene s;
         start_lumps(&s, 60, 0);
-        s.light[0].shadow_source = scattering ? SPS_SHADOW_AUTO : SPS_SHADOW_TABLE;
+        s.light[0].shadow_source = SPS_SHADOW_TABLE;
         if (scattering) s.view.scattering = SPS_SCATTERING_MULTIPLE, s.view.scattering_resolution = 8;
         s.view.quality = SPS_QUALITY_DRAFT;
         s.view.filling = SPS_FILLING_SPLAT;

@@ -407,9 +407,10 @@ static void test_before(void) {
 }
 
 /* What leaves the grid by its sides is all that is sent in it, less what is absorbed: for a floor far below and gas
-   that absorbs nothing, the light that goes in. */
+   that absorbs nothing, the light that goes in. With fewer than 5 cells, rays are off by more than what is scaled, 5 %.
+ */
 static void test_leaving(void) {
-    static const int sides[] = {16, 9, 5, 3};
+    static const int sides[] = {16, 9, 6, 5};
     for (int n = 0; n < 4; ++n) {
         const spsi_cell_grid *grid;
         double out = 0, in = 0;
@@ -731,10 +732,10 @@ static void test_floor_receives(void) {
     CHECK(off < 5e-5); /* the distance of points, rounded to floats, where light falls off by its square */
 }
 
-/* Weak lobes take few moments. Beside polygons, even gas takes as many as these. */
+/* Weak lobes take few moments, beside polygons, too. */
 static void test_orders(void) {
     static const float asymmetries[] = {0, 0.2f, 0.25f, 0.6f};
-    static const int orders[2][4] = {{1, 2, 4, 4}, {2, 2, 4, 4}};
+    static const int orders[4] = {1, 2, 4, 4};
     for (int n = 0; n < 8; ++n) {
         const sps_lobe lobe = {asymmetries[n % 4], 1};
         check_scene s;
@@ -742,7 +743,7 @@ static void test_orders(void) {
         add_place(&s, SKY);
         if (n < 4) s.scene.mesh_count = 0;
         check_render(context, &s, image_a);
-        CHECK(grid_of(context)->orders == orders[n / 4][n % 4]);
+        CHECK(grid_of(context)->orders == orders[n % 4]);
     }
 }
 
@@ -1030,7 +1031,7 @@ static void start_slab(check_scene *s, double depth, double z, check_triangles *
     check_add_directional(s, 0, 0, 1, 1);
     check_orthographic(&s->view.camera, 0.5);
     s->view.width = s->view.height = 4;
-    s->view.scattering_resolution = 0;
+    s->view.scattering_resolution = 48;
 }
 
 static const double slab_depths[4] = {0.3, 1, 3, 6};
@@ -1260,6 +1261,7 @@ static void test_faint(void) {
             memmove(s.light, s.light + 1, (size_t)(s.scene.light_count - 1) * sizeof sun);
             s.light[s.scene.light_count - 1] = sun;
         }
+        for (int i = 0; i < s.scene.light_count; ++i) s.light[i].shadow_source = SPS_SHADOW_TABLE;
         check_render(context, &s, alone ? image_b : image_a);
         for (int i = 0; i < 64 && !alone; ++i)
             if (i % 4 < 3) worst = fmax(worst, fabs((double)image_a[i] / (double)image_b[i] - 1));
@@ -1400,7 +1402,7 @@ static void test_balance(void) {
     check_color(s.volume[0].albedo, 0.8, 0.8, 0.8);
     add_quad(-3, -0.8, -3, 6, 0, 0, 0, 0, 6);
     check_add_mesh(&s, &faces, 0.5);
-    check_add_directional(&s, 0.3, -1, -0.2, 1);
+    check_add_directional(&s, 0.3, -1, -0.2, 1)->shadow_source = SPS_SHADOW_TABLE; /* the same slabs without a sun */
     check_set3(s.view.camera.position, 0, 2.5, 3.5), check_set3(s.view.camera.target, 0, -0.4, 0);
     check_render(context, &s, image_a);
     for (int n = 0; n <= suns; ++n) {

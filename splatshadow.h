@@ -22944,7 +22944,7 @@ SPSI_COLD int spsi_cells_across(const spsi_frame *frame, const spsi_gas_group *g
     const double longest = spsi_bounds_longest(&group->bounds);
     const double depth = group->sum > 0 ? group->squares / group->sum * longest : 0;
     const spsi_rays *eye = &frame->content->eye;
-    double wanted = most * sqrt(depth / 42), to[3], pixel, shortest = longest;
+    double wanted = most * sqrt(depth / 30), to[3], pixel, shortest = longest;
     if (least == most || frame->matter.emits) return most;
     for (int k = 0; k < 3; ++k) {
         to[k] = 0.5 * (group->bounds.low[k] + group->bounds.high[k]) - eye->origin[k];

@@ -835,7 +835,7 @@ typedef struct sps_budget_report {
     double slab_thickness;
     float tolerance;
     int samples, scattering_resolution; /* 0: no area light without `samples`; single scattering */
-    int width, height;                  /* of the picture, or of the region */
+    int width, height;                  /* pixels rendered */
 } sps_budget_report;
 
 typedef enum sps_pass {
@@ -4425,7 +4425,7 @@ typedef struct spsi_frame {
     spsi_content *content;
     sps_scene given; /* arrays valid only while building; `ambient` includes the sky's minimum */
     sps_view view;     /* resolved; shadow_resolution 0: fitted */
-    int size[2];       /* of the region, before a budget shrinks it */
+    int size[2];       /* the region's width and height before a budget shrinks it */
     sps_object viewer; /* object for view errors */
     spsi_accuracy accuracy;
     int medium_count;
@@ -23214,11 +23214,11 @@ SPSI_COLD double spsi_cells_beams(const spsi_cell_job *job, const spsi_light *li
 /* Rays from places relative to a grid's corner. */
 typedef struct spsi_cell_path {
     spsi_v place[3], way[3], range[2]; /* unit vectors; distances */
-    int even;   /* 1: lanes are neighbours in a row, and parallel */
+    int even;     /* 1: lanes are neighbours in a row, and parallel */
     float enough; /* optical depth beyond which the rest does not matter */
 } spsi_cell_path;
 
-/* Interpolates an array between entries. `even`: lanes are neighbours in a row. */
+/* Interpolates an array between entries. `even`: lanes are neighbours in a row, whose padding is empty. */
 static inline spsi_v spsi_cells_between(const float *depth, int pitch, const int size[3], const spsi_v at[3],
                                         int even) {
     const spsi_v zero = spsi_set(0);
@@ -23282,7 +23282,7 @@ static spsi_v spsi_cells_march(const spsi_cell_grid *grid, const float *depth, i
     }
 }
 
-#define SPSI_CELL_DARK 12 /* light beyond this optical depth is ignored: 6e-6 */
+#define SPSI_CELL_DARK 12 /* light beyond this scaled optical depth is ignored: 6e-6 */
 #define SPSI_CELL_NEAR 4  /* edges that rays towards a lamp cross through samples; then through cells */
 
 /* Optical depth of the medium towards a light. `samples`: 1: from a row of samples, without their own. */
@@ -23291,9 +23291,9 @@ static spsi_v spsi_cells_depth_toward(const spsi_cell_job *job, const spsi_light
     const spsi_cell_grid *own = job->grid;
     spsi_cell_path path;
     spsi_v distance = spsi_set(1e30f), sum = spsi_set(0), first = sum;
-    path.enough = SPSI_CELL_DARK;
-    for (int c = 0; c < own->channels; ++c)
-        path.enough = spsi_fmax(path.enough, SPSI_CELL_DARK / spsi_fmax(own->scale[c], 0.05f));
+    float peak = 0;
+    for (int m = 0; m < job->frame->matter.material_count; ++m) peak = spsi_fmax(peak, own->peak[m]);
+    path.enough = SPSI_CELL_DARK / spsi_fmax(1 - peak, 0.05f);
     for (int k = 0; k < 3; ++k) {
         path.way[k] = spsi_set((float)-light->direction[k]);
         if (light->is_point) path.way[k] = spsi_sub(spsi_set((float)(light->position[k] - own->corner[k])), place[k]);
@@ -24743,7 +24743,7 @@ SPSI_COLD sps_result spsi_cells_make(sps_context *context, const spsi_frame *fra
     spsi_cell_job *job;
     memset(flights, 0, SPSI_FLIGHT_TREES * sizeof *flights);
     third.share /= 3 * count;
-    for (int n = 0; n < count && count > 1; ++n) {
+    for (int n = 0; n < count && count > 1 && (flies || frame->lights.shadow_count > 0); ++n) {
         if (spsi_cells_begin(context, frame, faces, &third, &grids[n], &job)) return context->result;
         if (flies) spsi_emission_add(job, &glow);
     }
@@ -25774,7 +25774,7 @@ SPSI_COLD double spsi_light_error(const spsi_light *light, const spsi_setting *s
     return spsi_point_errors[at] * spsi_dmax(1, sqrt((double)spsi_point_presets[0] / light->samples));
 }
 
-#define SPSI_BLUR 0.11 /* error of half the size, enlarged bilinearly; points of light are off by more */
+#define SPSI_BLUR 0.11 /* error at half the size, enlarged bilinearly; more around points of light */
 
 /* Against black, a medium with relative error e, covering a fraction c of pixels, has error e / sqrt(c) in the image.
    Out of view, it may still shadow polygons. `spheres`: from spsi_spheres_depth. */
@@ -25809,8 +25809,8 @@ typedef struct spsi_candidate {
     int is_known; /* 1: all rates are measured */
     int is_held;  /* 1: cached data saves work */
     double seconds, error;
-    double making; /* of `seconds`, for cells that later frames hold */
-    double charge; /* `seconds`, with what must be spared */
+    double making; /* part of `seconds`: cells that later frames hold */
+    double charge; /* `seconds` with a margin */
 } spsi_candidate;
 
 SPSI_COLD spsi_setting spsi_candidate_setting(int n) {
@@ -25914,9 +25914,9 @@ SPSI_COLD void spsi_candidates_order(const spsi_rates *pace, spsi_candidate *can
     }
 }
 
-#define SPSI_SPARE       1.1 /* seconds are spared by that factor */
-#define SPSI_SPARE_GUESS 2   /* likewise, after the third frame, by finer settings that were not measured */
-#define SPSI_BETTER      0.9 /* of error or seconds: what a change must reach */
+#define SPSI_SPARE       1.1 /* margin: factor on seconds */
+#define SPSI_SPARE_GUESS 2   /* likewise, after the third frame, for finer settings that were not measured */
+#define SPSI_BETTER      0.9 /* a change must reach this share of error or seconds */
 #define SPSI_STEADY      20  /* frames with at most one change */
 
 /* Sets what candidates cost. In the second frame, making cells that later ones hold may double that. */
@@ -26590,13 +26590,15 @@ SPSI_COLD void spsi_plan_filling(const spsi_frame *frame, const spsi_rays *rays,
 }
 
 /* Aims samples for cells or the first spread light. Returns 0 if there is neither, or on failure. */
-SPSI_COLD int spsi_plan_aim(sps_context *context, const spsi_frame *frame, spsi_rays *rays, spsi_slabs *slabs) {
-    spsi_cell_grid grid;
+SPSI_COLD int spsi_plan_aim(sps_context *context, const spsi_frame *frame, int is_read, spsi_rays *rays,
+                            spsi_slabs *slabs) {
+    spsi_cell_grid grids[SPSI_CELL_GRIDS];
     spsi_spread spread;
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
     if (spsi_uses_cells(frame))
-        return spsi_cells_place(&frame->content->bounds, frame->view.scattering_resolution, &grid) &&
-               spsi_cells_aim(&grid, spsi_samples_fineness(frame, 0.5 * grid.edge), rays, slabs);
+        return ((is_read && spsi_cells_plan_grids(context, frame, 1, grids) > 0) ||
+                spsi_cells_place(&frame->content->bounds, frame->view.scattering_resolution, grids)) &&
+               spsi_cells_aim(grids, spsi_samples_fineness(frame, 0.5 * grids->edge), rays, slabs);
     for (int i = 0; i < frame->lights.count && spsi_convolves(frame); ++i)
         if (frame->lights.list[i].shadows)
             return !spsi_spread_aim(context, frame, &frame->lights.list[i], &spread) &&
@@ -26911,7 +26913,7 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
     spsi_levels_choose(frame);
     spsi_choose_shadows(context, frame);
     if (spsi_plan_sweeps(context, frame, &reading, report)) return context->result;
-    if (spsi_plan_aim(context, frame, &rays, &slabs))
+    if (spsi_plan_aim(context, frame, reading.held, &rays, &slabs))
         spsi_plan_filling(frame, &rays, &slabs, SPSI_TARGET_SAMPLES, 0, &report->cells_gathered,
                           &report->cells_filling);
     for (int i = 0; i < frame->meshes.count && !spsi_faces_cached(context, frame); ++i)

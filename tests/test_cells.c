@@ -831,6 +831,44 @@ static void test_lit(void) {
     }
 }
 
+/* A floor in even gas below a sun or a lamp, in cells of a depth of 0.58: what gas leaves of the light on the way to
+   it, half of the floor's own cell included, without which a third more would arrive. Cells fade over an edge of gas: 5
+   %. */
+static void test_lit_floor(void) {
+    for (int lamp = 0; lamp < 2; ++lamp) {
+        int found = 0;
+        check_scene s;
+        check_triangles floor;
+        sps_volume *volume;
+        memset(&floor, 0, sizeof floor);
+        check_clear(&s, SIDE, SIDE);
+        volume = check_add_volume(&s, 24, 24, 24, check_box(-1, -1, -1, 1, 1, 1));
+        volume->read_fn = check_read_constant, volume->user = (void *)(size_t)&one;
+        volume->extinction = 4;
+        check_color(volume->albedo, 0.1, 0.1, 0.1);
+        const double corner[3] = {-2, -0.3, -2}, u[3] = {0, 0, 4}, v[3] = {4, 0, 0};
+        check_add_quad(&floor, corner, u, v);
+        check_add_mesh(&s, &floor, 0.5);
+        if (lamp) check_add_point(&s, 0, 40, 0, 2 * 40.3 * 40.3);
+        if (!lamp) check_add_directional(&s, 0, -1, 0, 2);
+        s.view.scattering = SPS_SCATTERING_MULTIPLE, s.view.scattering_resolution = 16;
+        check_render(context, &s, image_a);
+        const spsi_cell_grid *made = grid_of(context);
+        for (int i = 0; i < 16 * 16 * 16; ++i) {
+            const int cell[3] = {i % 16, i / 16 % 16, i / 256};
+            const spsi_cell_wall *wall =
+                &job_of(context)->walls[(size_t)(i / 16) * (size_t)made->pitch + (size_t)cell[0]];
+            const double above = made->corner[1] + made->edge * (cell[1] + 0.5) + 0.3;
+            if (!wall->closed || !(above > 0) || above > made->edge) continue;
+            if (abs(2 * cell[0] - 15) > 8 || abs(2 * cell[2] - 15) > 8) continue; /* where gas fades out */
+            CHECK_NEAR((double)wall->lit[0], 0.5 * 2 / PI * exp(-4 * 1.3), 0.05 * 0.5 * 2 / PI * exp(-4 * 1.3));
+            found += 1;
+        }
+        CHECK(found > 30);
+        check_free_triangles(&floor);
+    }
+}
+
 enum { RODS = 96, ROD = 2, CELLS_ALONG = 11 }; /* voxels along the box, and across a rod; cells along the box */
 
 /* Value 1 in the rods of the upper half, of which there is one every 2 * ROD voxels along x, 0 between them, and 0.2
@@ -881,7 +919,8 @@ static void test_lit_behind_rods(void) {
 }
 
 /* Gas takes no more light than comes in: what crosses its section, at most a circle of radius 0.95, and 3 % for the
-   corners of cells. Deep gas neither shadows itself nor lets light pass beside it. */
+   corners of cells. It takes half at least: of the deepest gas, whose rim is thinner than a sample, neighbours between
+   which rays are interpolated hide up to 45 % at 12 cells, known to be wrong. */
 static void test_deep(void) {
     static const double extinctions[] = {10, 100, 400, 3000, 1e6};
     for (int n = 0; n < 2 * 5; ++n) {
@@ -896,7 +935,7 @@ static void test_deep(void) {
             in += (double)job_of(context)->incoming[i] * PI * pow(grid_of(context)->edge, 2);
         in *= (double)grid_of(context)->scale[0]; /* sharp lobes: what goes straight on is taken again */
         if (figures()) printf("extinction %g, g %d: takes %.3f\n", extinctions[n / 2], n % 2, in);
-        CHECK(in > 1);
+        CHECK(in > 0.5 * PI * 0.95 * 0.95);
         CHECK_CASE("Found in review", "light that gas takes, in cells of a depth of 1 to 1e5", "no more than comes in",
                    in / (PI * 0.95 * 0.95), 1.03, "corners of cells, 3 %");
     }
@@ -2094,6 +2133,28 @@ static void test_apart_paths(void) {
     }
 }
 
+/* Behind a deep one that absorbs all light, the other is dark, whatever brings the light: through 16, e^-16 or 1e-7 of
+   it is left; shadows are cut off beyond a depth of 12, e^-12. */
+static void test_apart_shaded(void) {
+    for (int lamp = 0; lamp < 2; ++lamp) {
+        double mean[2];
+        for (int shaded = 0; shaded < 2; ++shaded) {
+            check_scene s;
+            start_apart(&s, 3, 1);
+            check_color(s.volume[0].albedo, 0, 0, 0);
+            s.volume[0].placement = check_box(-1, -1.2, -1.2, 1, 1.2, 1.2); /* its rim fades out */
+            s.volume[0].extinction = shaded ? 8 : 1e-6f;
+            check_set3(s.light[0].direction, 1, 0, 0);
+            if (lamp) s.scene.light_count = 0, check_add_point(&s, -9, 0, 0, 900);
+            check_render(context, &s, image_a);
+            CHECK(grid_count(context) == 2);
+            mean[shaded] = mean_of(image_a, PIXELS);
+        }
+        if (figures()) printf("apart, shaded: %.2g of %.3f\n", mean[1], mean[0]);
+        CHECK(mean[1] < exp(-12.0) * mean[0]);
+    }
+}
+
 /* Particles, too. More groups than there are grids share some; if these are then as long as the gaps between them, all
    do. */
 static void test_many_groups(void) {
@@ -2211,12 +2272,14 @@ static void test_chosen(void) {
                  {1000, 1, 160, 0, 64, 0, 24}};
     for (size_t n = 0; n < sizeof cases / sizeof *cases; ++n)
         for (int emits = 0; emits < 2; ++emits) {
+            sps_plan_report plans[2];
             check_scene s;
             start_plain(&s, SUN);
             s.volume[0].read_fn = check_read_constant, s.volume[0].user = (void *)(size_t)&one;
             s.volume[0].eval_fn = NULL, s.volume[0].placement = check_box(-1, -cases[n].flat, -1, 1, cases[n].flat, 1);
-            for (int k = 0; k < 3; ++k) s.volume[0].size[k] = 128; /* kernels reach 2 voxels out */
-            s.volume[0].extinction = (float)(cases[n].depth / (2 + 2.0 / 32));
+            for (int k = 0; k < 3; ++k) s.volume[0].size[k] = 64; /* kernels reach 2 voxels out */
+            s.volume[0].extinction = (float)(cases[n].depth / (2 + 2.0 / 16));
+            s.volume[0].revision = 1 + 2 * n + (size_t)emits;
             if (emits) check_color(s.volume[0].emission, 1e-3, 1e-3, 1e-3);
             check_set3(s.view.camera.position, 0, 0, cases[n].distance);
             check_set3(s.view.camera.target, cases[n].turn, 0, 0);
@@ -2228,6 +2291,12 @@ static void test_chosen(void) {
             const int found = (int)(grid_of(context)->longest / grid_of(context)->edge + 0.5);
             if (figures()) printf("chosen %d: %d cells\n", (int)n, found);
             CHECK_NEAR(found, emits && !cases[n].set ? 48 : cases[n].cells, 0);
+            CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plans[0]));
+            s.view.scattering_resolution = found;
+            CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plans[1]));
+            CHECK(strcmp(plans[0].cells_filling, plans[1].cells_filling) == 0);
+            CHECK(plans[0].cells_gathered == plans[1].cells_gathered);
+            CHECK(plans[0].pass[SPS_PASS_CELLS].bytes >= plans[1].pass[SPS_PASS_CELLS].bytes);
         }
 }
 
@@ -2244,6 +2313,7 @@ int main(void) {
     RUN(test_filling);
     RUN(test_deposits);
     RUN(test_lit);
+    RUN(test_lit_floor);
     RUN(test_lit_behind_rods);
     RUN(test_deep);
     RUN(test_lookups);
@@ -2283,6 +2353,7 @@ int main(void) {
     RUN(test_apart);
     RUN(test_apart_sizes);
     RUN(test_apart_paths);
+    RUN(test_apart_shaded);
     RUN(test_many_groups);
     RUN(test_plan);
     RUN(test_qualities);

@@ -2023,7 +2023,7 @@ typedef struct spsi_rates {
     double seconds_pyramids; /* spent on pyramids in this frame */
     uint64_t scattered;      /* hash of multiple scattering cached under a budget */
     double recent[SPSI_STAGE_COUNT][SPSI_PRESETS][2]; /* the last two rates that were measured */
-    uint64_t asked[2], shown[2]; /* hashes of what budgets depend on, and of all that moves: last frame's, this one's */
+    uint64_t asked[2], shown[2]; /* hashes of budgets' inputs, and of all that moves: last frame, this one */
     int frames, wait;            /* with the same `asked`, up to 3; until the setting may change */
     spsi_setting held;           /* the last frame's */
 } spsi_rates;
@@ -23283,7 +23283,7 @@ static spsi_v spsi_cells_march(const spsi_cell_grid *grid, const float *depth, i
 }
 
 #define SPSI_CELL_DARK 12 /* light beyond this scaled optical depth is ignored: 6e-6 */
-#define SPSI_CELL_NEAR 4  /* edges that rays towards a lamp cross through samples; then through cells */
+#define SPSI_CELL_NEAR 4  /* edges that rays to a point light cross through samples; then through cells */
 
 /* Optical depth of the medium towards a light. `samples`: 1: from a row of samples, without their own. */
 static spsi_v spsi_cells_depth_toward(const spsi_cell_job *job, const spsi_light *light, const spsi_v place[3],
@@ -25916,10 +25916,10 @@ SPSI_COLD void spsi_candidates_order(const spsi_rates *pace, spsi_candidate *can
 
 #define SPSI_SPARE       1.1 /* margin: factor on seconds */
 #define SPSI_SPARE_GUESS 2   /* likewise, after the third frame, for finer settings that were not measured */
-#define SPSI_BETTER      0.9 /* a change must reach this share of error or seconds */
+#define SPSI_BETTER      0.9 /* a change must reach this fraction of error or seconds */
 #define SPSI_STEADY      20  /* frames with at most one change */
 
-/* Sets what candidates cost. In the second frame, making cells that later ones hold may double that. */
+/* Sets candidates' charges. In the second frame, making cells for later frames may double them. */
 SPSI_COLD void spsi_candidates_charge(const spsi_rates *pace, int frames, spsi_candidate *candidates) {
     const spsi_candidate *held = &candidates[spsi_candidate_number(&pace->held)];
     const int makes = frames == 1 && held->is_held && !(held->making > 0);
@@ -25930,7 +25930,7 @@ SPSI_COLD void spsi_candidates_charge(const spsi_rates *pace, int frames, spsi_c
     }
 }
 
-/* Hashes what the setting depends on, and what may move; the latter is 0 if something may change without notice. */
+/* Hashes the setting's inputs, and all that may move: 0 if something may change without notice. */
 SPSI_COLD void spsi_budget_ask(sps_context *context, const spsi_frame *frame, uint64_t gas) {
     const sps_view *view = &frame->view;
     const spsi_rays *eye = &frame->content->eye;
@@ -26065,8 +26065,8 @@ SPSI_COLD int spsi_setting_hold(spsi_rates *pace) {
     return steady;
 }
 
-/* Notes a stage's rate. `others`: what other presets' are worth in proportion; 0: forgotten. Negative: they stay, else
-   takes the median of three, as one may be slow by chance. */
+/* Stores a stage's rate: the median of the last three, since one may be slow by chance. `others`: factor on other
+   presets' rates in proportion; 0: forgets them. Negative: keeps them, and stores the rate as it is. */
 SPSI_COLD void spsi_rate_learn(spsi_rates *pace, int stage, int preset, int others, double now) {
     double *rates = pace->rates[stage], *recent = pace->recent[stage][preset];
     const double last = others >= 0 ? rates[preset] : 0;

@@ -36,7 +36,7 @@ static const refusal for_maps_alone[] = {{"--convention", "bake cloud-shadow has
                                          {"--constants", "bake map has it"},
                                          {NULL, NULL}};
 
-/* Refuses the options of two lists, and those that mean nothing to any command. */
+/* Refuses options on two lists, and options that no command of bake has. */
 static int check_refused(const arguments *all, const refusal *one, const refusal *other, const char *command,
                          ex_error *error) {
     const refusal *const lists[3] = {one, other, refused_by_all};

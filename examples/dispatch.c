@@ -19,8 +19,8 @@
 
 #ifdef VARIANT
 
-/* The library compares a scene's callbacks with these three. Programs have the addresses of those that choose. So
-   macros rename the variant's own where they are declared or called, but not where they are compared. */
+/* The library compares a scene's callbacks with these three. Programs pass the chooser's functions, not the variant's.
+   So macros rename the variant's own where they are declared or called, but not where addresses are compared. */
 #include <stddef.h>
 #ifdef __cplusplus
 extern "C" {

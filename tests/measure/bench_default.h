@@ -72,6 +72,7 @@ static void default_frame(frame *f, default_scene scene, int pixels) {
     for (int i = 0; i < 3; ++i) {
         f->volume.albedo[i] = scene == QUICK ? 0.7f + 0.1f * (float)i : scene == GREY ? 1 : 1 - 0.04f * (float)i;
         f->light.color[i] = scene == QUICK ? 9 - (float)i : scene == GREY ? 3 : 3 - 0.2f * (float)i;
+        if (scene == GREY) f->scene.ambient[i] = f->scene.background[i] = 0.2f;
     }
     f->volume.extinction = scene == QUICK ? 6 : 30;
     if (scene != QUICK) return;

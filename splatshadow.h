@@ -1397,8 +1397,15 @@ static inline spsi_v spsi_four_rows(const float *table, const int *at) {
 static inline __m256i spsi_first(int count) {
     return _mm256_cmpgt_epi32(_mm256_set1_epi32(count), _mm256_set_epi32(7, 6, 5, 4, 3, 2, 1, 0));
 }
-static inline spsi_v spsi_load_first(const float *p, int count) { return _mm256_maskload_ps(p, spsi_first(count)); }
-static inline void spsi_store_first(float *p, spsi_v a, int count) { _mm256_maskstore_ps(p, spsi_first(count), a); }
+static inline spsi_v spsi_load_first(const float *p, int count) {
+    return count < 8 ? _mm256_maskload_ps(p, spsi_first(count)) : _mm256_loadu_ps(p);
+}
+static inline void spsi_store_first(float *p, spsi_v a, int count) { /* masked stores are slow */
+    if (count < 8)
+        _mm256_maskstore_ps(p, spsi_first(count), a);
+    else
+        _mm256_storeu_ps(p, a);
+}
 #define SPSI_HAS_FIRST
 #define SPSI_HAS_GATHER
 
@@ -16339,8 +16346,9 @@ SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *
    Planes store -log V.
          A_s(u) += sheet_k(x at k + 1/2),    V_k(x) = mean over s of exp(-A_s(u at k)).
    Layers between planes store the fraction of V that polygons stop, since averaging -log V over lit and dark points
-   is inaccurate. Cost: 3 bicubic lookups and an exponential per point, slab and occupied texel, 6 where polygons stop
-   light. Memory: 8 bytes per point and texel, 12 with polygons, and 256 per texel for layers. */
+   is inaccurate. Tiles follow all beams through a chunk; they copy texels near their borders. Cost: 3 bicubic lookups
+   and an exponential per point, slab and occupied texel, 6 where polygons stop light. Memory: 8 bytes per point and
+   texel, 12 with polygons, and 256 per texel for layers. */
 
 typedef struct spsi_area {
     int x0, y0, x1, y1; /* inclusive */
@@ -16381,8 +16389,7 @@ typedef struct spsi_beam {
     int x0, y0;      /* u of texel (0, 0): the centre's x, on the first plane if directional */
     double shift[3]; /* d */
     spsi_linear slab;
-    float *depth;      /* optical depth so far, per texel */
-    float *start;      /* optical depth at the chunk's first plane */
+    float *start, *depth; /* per texel: optical depth at the chunk's first and last plane */
     float *stop;       /* slab coordinate of the first polygon; NULL: no polygons */
     float first_stop;  /* minimum of `stop` */
     spsi_area stops;   /* texels with polygons, widened by cubics' reach */
@@ -16395,15 +16402,23 @@ typedef struct spsi_penumbra {
     float end; /* optical depth of early termination */
     spsi_beam *beams;
     int beam_count;
-    int first_slab, plane; /* first of the sheets' chunk; current plane in it */
+    int first_slab;        /* the sheets' */
     float *sheets;         /* mean extinction, per slab and texel */
     float *hidden;         /* fraction of transmitted light stopped by polygons, per layer; NULL: no polygons */
     float *const *planes;  /* results */
     uint64_t *held;        /* per tile: patches with media */
-    spsi_area *looked_up;  /* per tile: texels within reach of media */
-    float *scratch;        /* per worker: transmittance at a tile's texels; fraction stopped at a beam's texels */
+    float *scratch;        /* per worker: transmittance at a tile's texels; twice a beam's texels */
     size_t scratch_floats;
 } spsi_penumbra;
+
+/* A beam on a plane, about a tile. */
+typedef struct spsi_beam_part {
+    const spsi_penumbra *penumbra;
+    const spsi_beam *beam;
+    int plane;      /* in the chunk */
+    spsi_area area; /* texels followed */
+    float *depth, *passes, *stopped; /* optical depth; the tile's transmittance; fractions that polygons stop */
+} spsi_beam_part;
 
 /* Bilinear lookup, 0 outside the grid. */
 static double spsi_bilinear_inside(const float *grid, int width, int height, double x, double y) {
@@ -16482,26 +16497,28 @@ typedef struct spsi_texel_row {
     float *out;         /* per texel */
 } spsi_texel_row;
 
-/* Adds uniformly shifted lookups. */
+/* Adds uniformly shifted lookups: rows are weighted first, then columns. */
 static void spsi_row_add_even(const spsi_texel_grid *grid, const spsi_slide *slide, const spsi_texel_row *to) {
     const float move_x = slide->d[0] * slide->l[0], move_y = slide->d[1] * slide->l[0];
     const int row = to->y + (int)floorf(move_y) - grid->y0 - 1, column = to->x0 + (int)floorf(move_x) - grid->x0 - 1;
     const int first = spsi_imax(0, -column), end = spsi_imin(to->count, grid->width - 3 - column);
+    float columns[SPSI_TILE_WIDTH + 3 + SPSI_LANES];
     spsi_v across[4], down[4];
     if (row < 0 || row + 3 >= grid->height || first >= end) return;
     spsi_cubic_weights(spsi_set(move_x - floorf(move_x)), across);
     spsi_cubic_weights(spsi_set(move_y - floorf(move_y)), down);
-    for (int i = first; i < end; i += SPSI_LANES) {
-        const int some = spsi_imin(SPSI_LANES, end - i);
-        const float *from = grid->values + (size_t)row * (size_t)grid->width + (size_t)(column + i);
+    const float *from = grid->values + (ptrdiff_t)row * grid->width + column;
+    for (int i = first; i < end + 3; i += SPSI_LANES) {
         spsi_v sum = spsi_set(0);
-        for (int r = 0; r < 4; ++r, from += grid->width) {
-            spsi_v value = spsi_mul(across[0], spsi_load_first(from, some));
-            for (int c = 1; c < 4; ++c) value = spsi_fma(across[c], spsi_load_first(from + c, some), value);
-            sum = spsi_fma(down[r], value, sum);
-        }
-        if (to->scale) sum = spsi_mul(sum, spsi_load_first(to->scale + i, some));
-        spsi_store_first(to->out + i, spsi_add(sum, spsi_load_first(to->out + i, some)), some);
+        for (int r = 0; r < 4; ++r)
+            sum = spsi_fma(down[r], spsi_load_first(from + (ptrdiff_t)r * grid->width + i, end + 3 - i), sum);
+        spsi_store(columns + i, sum);
+    }
+    for (int i = first; i < end; i += SPSI_LANES) {
+        spsi_v sum = spsi_set(0);
+        for (int c = 0; c < 4; ++c) sum = spsi_fma(across[c], spsi_load(columns + i + c), sum);
+        if (to->scale) sum = spsi_mul(sum, spsi_load_first(to->scale + i, end - i));
+        spsi_store_first(to->out + i, spsi_add(sum, spsi_load_first(to->out + i, end - i)), end - i);
     }
 }
 
@@ -16671,7 +16688,6 @@ static uint64_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra 
     size_t most = 0;
     /* first: strictest alignment */
     penumbra->held = (uint64_t *)(void *)spsi_lay(memory, &laid, 2 * tiles);
-    penumbra->looked_up = (spsi_area *)(void *)spsi_lay(memory, &laid, 4 * tiles);
     for (int i = 0; i < penumbra->beam_count; ++i) {
         spsi_beam *beam = &penumbra->beams[i];
         const size_t texels = spsi_ray_count(&beam->rays);
@@ -16685,7 +16701,7 @@ static uint64_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra 
     penumbra->sheets = spsi_lay(memory, &laid, sheets);
     penumbra->hidden = has_polygons ? spsi_lay(memory, &laid, SPSI_SUBSLABS * sheets) : NULL;
     if (memory) memset(memory, 0, (size_t)laid * sizeof *memory);
-    penumbra->scratch_floats = SPSI_BEAM_TILE + most;
+    penumbra->scratch_floats = SPSI_BEAM_TILE + 2 * most;
     penumbra->scratch = spsi_lay(memory, &laid, (uint64_t)spsi_worker_count(context) * penumbra->scratch_floats);
     return laid;
 }
@@ -16730,15 +16746,15 @@ static void spsi_penumbra_keep(const spsi_penumbra *penumbra, const spsi_light_s
     penumbra->held[index] = held;
 }
 
-static spsi_area spsi_tile_area(const spsi_penumbra *penumbra, int index) {
-    const int x0 = index % penumbra->tiles_x * SPSI_TILE_WIDTH, y0 = index / penumbra->tiles_x * SPSI_TILE_HEIGHT;
+static spsi_area spsi_tile_area(const spsi_penumbra *penumbra, int index, int rows) {
+    const int x0 = index % penumbra->tiles_x * SPSI_TILE_WIDTH, y0 = index / penumbra->tiles_x * rows;
     const spsi_area area = {x0, y0, spsi_imin(penumbra->rays->width, x0 + SPSI_TILE_WIDTH) - 1,
-                            spsi_imin(penumbra->rays->height, y0 + SPSI_TILE_HEIGHT) - 1};
+                            spsi_imin(penumbra->rays->height, y0 + rows) - 1};
     return area;
 }
 
 static void spsi_penumbra_clear(const spsi_penumbra *penumbra, int index) {
-    const spsi_area tile = spsi_tile_area(penumbra, index);
+    const spsi_area tile = spsi_tile_area(penumbra, index, SPSI_TILE_HEIGHT);
     const size_t texels = spsi_ray_count(penumbra->rays), width = (size_t)penumbra->rays->width;
     if (!penumbra->held[index]) return;
     penumbra->held[index] = 0;
@@ -16767,8 +16783,7 @@ static int spsi_penumbra_holds(const spsi_penumbra *penumbra, spsi_area area) {
 }
 
 /* Planes are computed only within two texels of media, the reach of cubic lookups. */
-static spsi_area spsi_penumbra_reach(const spsi_penumbra *penumbra, int index) {
-    const spsi_area tile = spsi_tile_area(penumbra, index);
+static spsi_area spsi_penumbra_reach(const spsi_penumbra *penumbra, spsi_area tile) {
     spsi_area reach = spsi_area_none();
     for (int y = tile.y0; y <= tile.y1; y += SPSI_PATCH)
         for (int x = tile.x0; x <= tile.x1; x += SPSI_PATCH) {
@@ -16815,19 +16830,23 @@ static spsi_tile_row spsi_tile_row_at(const spsi_penumbra *penumbra, spsi_area a
     return row;
 }
 
-/* Interpolates optical depth, which is smoother than transmittance. `passes` receives transmittance. */
-static void spsi_beam_add_row(const spsi_penumbra *penumbra, const spsi_beam *beam, const spsi_slide *slide,
-                              const spsi_tile_row *row, float *passes) {
+static spsi_texel_grid spsi_beam_part_grid(const float *values, spsi_area area) {
+    const spsi_texel_grid grid = {values, area.x0, area.y0, area.x1 - area.x0 + 1, area.y1 - area.y0 + 1};
+    return grid;
+}
+
+/* Interpolates optical depth, which is smoother than transmittance. */
+static void spsi_beam_add_row(const spsi_beam_part *part, const spsi_slide *slide, const spsi_tile_row *row) {
     const spsi_v zero = spsi_set(0);
-    float depth[SPSI_TILE_WIDTH + SPSI_LANES] = {0}, *plane = penumbra->planes[penumbra->plane] + row->texel;
-    const spsi_texel_grid grid = {beam->depth, beam->x0, beam->y0, beam->rays.width, beam->rays.height};
+    float depth[SPSI_TILE_WIDTH + SPSI_LANES] = {0}, *plane = part->penumbra->planes[part->plane] + row->texel;
+    const spsi_texel_grid grid = spsi_beam_part_grid(part->depth, part->area);
     const spsi_texel_row to = {row->x0, row->y, row->count, NULL, depth};
     spsi_row_add(&grid, slide, &to);
     SPSI_ROLLED for (int i = 0; i < row->count; i += SPSI_LANES) {
         const int some = spsi_imin(SPSI_LANES, row->count - i);
         const spsi_v through = spsi_exp(spsi_sub(zero, spsi_max(zero, spsi_load(depth + i))));
         spsi_store_first(plane + i, spsi_add(spsi_load_first(plane + i, some), through), some);
-        spsi_store_first(passes + row->own + i, through, some);
+        spsi_store_first(part->passes + row->own + i, through, some);
     }
 }
 
@@ -16845,21 +16864,22 @@ static void spsi_beam_hide_row(const spsi_texel_grid *grid, const spsi_slide *sl
     }
 }
 
-/* Layer n behind the current plane. */
-static float *spsi_penumbra_layer(const spsi_penumbra *penumbra, int n) {
-    return penumbra->hidden + (size_t)(penumbra->plane * SPSI_SUBSLABS + n) * spsi_ray_count(penumbra->rays);
+/* Layer n behind a plane. */
+static float *spsi_penumbra_layer(const spsi_penumbra *penumbra, int plane, int n) {
+    return penumbra->hidden + (size_t)(plane * SPSI_SUBSLABS + n) * spsi_ray_count(penumbra->rays);
 }
 
-/* Adds the light that polygons stop in the slab behind the current plane. */
-static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area area, const float *passes,
-                           float *stopped) {
-    const double slab = penumbra->first_slab + penumbra->plane;
+/* Adds the light that polygons stop in the slab behind the plane. */
+static void spsi_beam_hide(const spsi_beam_part *part, spsi_area area) {
+    const spsi_penumbra *penumbra = part->penumbra;
+    const spsi_beam *beam = part->beam;
+    const double slab = penumbra->first_slab + part->plane;
     const spsi_area reach = spsi_slide_area(penumbra, beam, slab, slab + 1, -1, area);
     const spsi_area from = spsi_area_meet(reach, spsi_area_meet(beam->stops, spsi_beam_area(beam)));
-    const spsi_texel_grid grid = {stopped, from.x0, from.y0, from.x1 - from.x0 + 1, from.y1 - from.y0 + 1};
+    const spsi_texel_grid grid = spsi_beam_part_grid(part->stopped, from);
     for (int n = 0; n < SPSI_SUBSLABS && !spsi_area_empty(from); ++n) {
         const double at = slab + (n + 0.5) / SPSI_SUBSLABS;
-        spsi_area any = spsi_beam_stopped(beam, from, (float)(SPSI_SUBSLABS * slab + n), stopped);
+        spsi_area any = spsi_beam_stopped(beam, from, (float)(SPSI_SUBSLABS * slab + n), part->stopped);
         spsi_slide slide;
         if (spsi_area_empty(any)) continue;
         any.x0 -= 3, any.y0 -= 3, any.x1 += 3, any.y1 += 3; /* cubics' reach, and a texel */
@@ -16867,33 +16887,34 @@ static void spsi_beam_hide(const spsi_penumbra *penumbra, const spsi_beam *beam,
         spsi_slide_build(penumbra, beam, at, -1, &slide);
         for (int y = any.y0; y <= any.y1; ++y) {
             const spsi_tile_row row = spsi_tile_row_at(penumbra, any, y);
-            spsi_beam_hide_row(&grid, &slide, &row, passes, spsi_penumbra_layer(penumbra, n) + row.texel);
+            float *layer = spsi_penumbra_layer(penumbra, part->plane, n) + row.texel;
+            spsi_beam_hide_row(&grid, &slide, &row, part->passes, layer);
         }
     }
 }
 
-static void spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area area, float *memory) {
-    const double slab = penumbra->first_slab + penumbra->plane;
+/* Adds a beam's light to a tile's plane. */
+static void spsi_beam_add(const spsi_beam_part *part, spsi_area area) {
+    const double slab = part->penumbra->first_slab + part->plane;
     spsi_slide slide;
-    spsi_slide_build(penumbra, beam, slab, -1, &slide);
+    spsi_slide_build(part->penumbra, part->beam, slab, -1, &slide);
     for (int y = area.y0; y <= area.y1; ++y) {
-        const spsi_tile_row row = spsi_tile_row_at(penumbra, area, y);
-        spsi_beam_add_row(penumbra, beam, &slide, &row, memory);
+        const spsi_tile_row row = spsi_tile_row_at(part->penumbra, area, y);
+        spsi_beam_add_row(part, &slide, &row);
     }
-    if (penumbra->plane < SPSI_CHUNK && (double)beam->first_stop < slab + 1)
-        spsi_beam_hide(penumbra, beam, area, memory, memory + SPSI_BEAM_TILE);
+    if (part->plane < SPSI_CHUNK && (double)part->beam->first_stop < slab + 1) spsi_beam_hide(part, area);
 }
 
 /* Turns sums over beams into fractions stopped per layer and optical depth at the plane. */
-static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, const spsi_tile_row *row, int layers) {
+static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, const spsi_tile_row *row, int k, int layers) {
     const spsi_v all = spsi_set((float)penumbra->beam_count), one = spsi_set(1);
-    float *plane = penumbra->planes[penumbra->plane] + row->texel;
+    float *plane = penumbra->planes[k] + row->texel;
     SPSI_ROLLED for (int x = 0; x < row->count; x += SPSI_LANES) {
         const int some = spsi_imin(SPSI_LANES, row->count - x);
         const spsi_v passes = spsi_load_first(plane + x, some);
         const spsi_v per_passed = spsi_div(one, spsi_max(passes, spsi_set(1e-30f)));
         for (int n = 0; n < layers; ++n) {
-            float *stopped = spsi_penumbra_layer(penumbra, n) + row->texel + x;
+            float *stopped = spsi_penumbra_layer(penumbra, k, n) + row->texel + x;
             const spsi_v share = spsi_mul(spsi_load_first(stopped, some), per_passed);
             spsi_store_first(stopped, spsi_min(share, one), some);
         }
@@ -16909,83 +16930,129 @@ static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, const spsi_t
     }
 }
 
-/* Computes a tile of the current plane and the layers behind it. */
-static void spsi_penumbra_plane_task(void *data, int index, int worker) {
-    const spsi_penumbra *penumbra = (const spsi_penumbra *)data;
-    const int layers = penumbra->hidden && penumbra->plane < SPSI_CHUNK ? SPSI_SUBSLABS : 0;
-    if (penumbra->plane == 0) penumbra->looked_up[index] = spsi_penumbra_reach(penumbra, index);
-    const spsi_area area = penumbra->looked_up[index];
-    for (int pass = 0; pass < 2; ++pass) {
+/* Clears a tile's planes and layers, or finishes them. */
+static void spsi_penumbra_rows(const spsi_penumbra *penumbra, spsi_area area, int finish) {
+    for (int k = 0; k <= SPSI_CHUNK; ++k) {
+        const int layers = penumbra->hidden && k < SPSI_CHUNK ? SPSI_SUBSLABS : 0;
         SPSI_ROLLED for (int y = area.y0; y <= area.y1; ++y) {
             const spsi_tile_row row = spsi_tile_row_at(penumbra, area, y);
             const size_t bytes = (size_t)row.count * sizeof(float);
-            for (int n = 0; n < layers && pass == 0; ++n)
-                memset(spsi_penumbra_layer(penumbra, n) + row.texel, 0, bytes);
-            if (pass == 0) memset(penumbra->planes[penumbra->plane] + row.texel, 0, bytes);
-            if (pass == 1) spsi_penumbra_finish_row(penumbra, &row, layers);
+            for (int n = 0; n < layers && !finish; ++n)
+                memset(spsi_penumbra_layer(penumbra, k, n) + row.texel, 0, bytes);
+            if (!finish) memset(penumbra->planes[k] + row.texel, 0, bytes);
+            if (finish) spsi_penumbra_finish_row(penumbra, &row, k, layers);
         }
-        for (int i = 0; i < penumbra->beam_count && pass == 0 && !spsi_area_empty(area); ++i)
-            spsi_beam_add(penumbra, &penumbra->beams[i], area,
-                          penumbra->scratch + (size_t)worker * penumbra->scratch_floats);
     }
 }
 
 /* --- along the beams --- */
 
-#define SPSI_BEAM_BLOCK 32 /* side of a block of texels, advanced together */
+#define SPSI_BEAM_ROWS 32 /* of a tile: its planes and sheets fit the L2 cache */
 
-/* Advances a block through the slab behind the current plane. */
-static void spsi_beam_block(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area block) {
-    const double slab = penumbra->first_slab + penumbra->plane;
-    spsi_slide slide;
-    if (!spsi_penumbra_holds(penumbra, spsi_slide_area(penumbra, beam, slab, slab + 1, 1, block))) return;
-    spsi_slide_build(penumbra, beam, slab + 0.5, 1, &slide);
-    for (int y = block.y0; y <= block.y1; ++y) {
-        float lengths[SPSI_BEAM_BLOCK + SPSI_LANES];
-        const spsi_rays *rays = penumbra->rays;
-        const size_t at = (size_t)(y - beam->y0) * (size_t)beam->rays.width + (size_t)(block.x0 - beam->x0);
-        const spsi_texel_row row = {block.x0, y, block.x1 - block.x0 + 1, lengths, beam->depth + at};
-        const spsi_texel_grid sheet = {penumbra->sheets + (size_t)penumbra->plane * spsi_ray_count(rays), 0, 0,
-                                       rays->width, rays->height};
-        for (int i = 0; i < row.count; i += SPSI_LANES)
-            spsi_store(lengths + i,
-                       spsi_slab_lengths(beam, spsi_add(spsi_set((float)(row.x0 - beam->x0 + i)), spsi_iota()),
-                                         (float)(y - beam->y0)));
-        spsi_row_add(&sheet, &slide, &row);
-    }
+static int spsi_beam_tiles(const spsi_penumbra *penumbra) {
+    return (penumbra->rays->height + SPSI_BEAM_ROWS - 1) / SPSI_BEAM_ROWS;
 }
 
-/* Advances all beams' blocks in a band. */
-static void spsi_beams_task(void *data, int index) {
-    const spsi_penumbra *penumbra = (const spsi_penumbra *)data;
-    for (int i = 0; i < penumbra->beam_count; ++i) {
-        const spsi_beam *beam = &penumbra->beams[i];
-        const spsi_area area = spsi_beam_area(beam);
-        const int y0 = area.y0 + index * SPSI_BEAM_BLOCK;
-        for (int x0 = area.x0; x0 <= area.x1 && y0 <= area.y1; x0 += SPSI_BEAM_BLOCK) {
-            const spsi_area block = {x0, y0, x0 + SPSI_BEAM_BLOCK - 1, y0 + SPSI_BEAM_BLOCK - 1};
-            spsi_beam_block(penumbra, beam, spsi_area_meet(block, area));
+/* The texels of a beam that a tile follows to the chunk's end: an equal share. */
+static spsi_area spsi_beam_own(const spsi_penumbra *penumbra, const spsi_beam *beam, int index) {
+    const int columns = penumbra->tiles_x, rows = spsi_beam_tiles(penumbra), x = index % columns, y = index / columns;
+    const int width = beam->rays.width, height = beam->rays.height;
+    const spsi_area own = {beam->x0 + width * x / columns, beam->y0 + height * y / rows,
+                           beam->x0 + width * (x + 1) / columns - 1, beam->y0 + height * (y + 1) / rows - 1};
+    return own;
+}
+
+/* Bounds of a beam's texels in an area that may cross media in the chunk. */
+static spsi_area spsi_beam_crosses(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area area) {
+    const int first = penumbra->first_slab, end = first + SPSI_CHUNK;
+    const spsi_rays *rays = penumbra->rays;
+    const spsi_area all = {0, 0, rays->width - 1, rays->height - 1};
+    spsi_area media = spsi_area_none();
+    if (spsi_area_empty(area)) return area;
+    const spsi_area below = spsi_area_meet(spsi_slide_area(penumbra, beam, first, end, 1, area), all);
+    for (int y = below.y0; y <= below.y1; y += SPSI_PATCH)
+        for (int x = below.x0; x <= below.x1; x += SPSI_PATCH) {
+            const spsi_area patch = {x, y, x + SPSI_PATCH - 1, y + SPSI_PATCH - 1};
+            if (spsi_penumbra_holds(penumbra, patch)) media = spsi_area_join(media, patch);
+        }
+    if (spsi_area_empty(media)) return media;
+    return spsi_area_meet(spsi_slide_area(penumbra, beam, first, end, -1, media), area);
+}
+
+/* Follows a beam's rays through the slab behind the plane. */
+static void spsi_beam_follow(const spsi_beam_part *part, spsi_area area) {
+    const spsi_rays *rays = part->penumbra->rays;
+    const spsi_beam *beam = part->beam;
+    const float *sheet = part->penumbra->sheets + (size_t)part->plane * spsi_ray_count(rays);
+    const spsi_texel_grid grid = {sheet, 0, 0, rays->width, rays->height};
+    const size_t width = (size_t)(part->area.x1 - part->area.x0 + 1);
+    spsi_slide slide;
+    spsi_slide_build(part->penumbra, beam, part->penumbra->first_slab + part->plane + 0.5, 1, &slide);
+    for (int x = area.x0; x <= area.x1; x += SPSI_TILE_WIDTH) {
+        float lengths[SPSI_TILE_WIDTH + SPSI_LANES];
+        for (int y = area.y0; y <= area.y1; ++y) {
+            float *depth = part->depth + (size_t)(y - part->area.y0) * width + (size_t)(x - part->area.x0);
+            const spsi_texel_row row = {x, y, spsi_imin(SPSI_TILE_WIDTH, area.x1 - x + 1), lengths, depth};
+            for (int i = 0; i < row.count && (y == area.y0 || rays->perspective); i += SPSI_LANES) {
+                const spsi_v at = spsi_add(spsi_set((float)(x - beam->x0 + i)), spsi_iota());
+                spsi_store(lengths + i, spsi_slab_lengths(beam, at, (float)(y - beam->y0)));
+            }
+            spsi_row_add(&grid, &slide, &row);
         }
     }
 }
 
-/* Advances all beams plane by plane through the stored chunk. */
+/* Copies optical depth in an area between a beam and the part. */
+static void spsi_beam_copy(const spsi_beam_part *part, spsi_area area, int back) {
+    const spsi_beam *beam = part->beam;
+    const size_t width = (size_t)(part->area.x1 - part->area.x0 + 1);
+    for (int y = area.y0; y <= area.y1 && area.x0 <= area.x1; ++y) {
+        const size_t at = (size_t)(y - beam->y0) * (size_t)beam->rays.width + (size_t)(area.x0 - beam->x0);
+        float *own = part->depth + (size_t)(y - part->area.y0) * width + (size_t)(area.x0 - part->area.x0);
+        memcpy(back ? beam->depth + at : own, back ? own : beam->start + at,
+               (size_t)(area.x1 - area.x0 + 1) * sizeof(float));
+    }
+}
+
+/* Follows all beams through a tile, plane by plane. Texels near its border are also followed by its neighbours. */
+static void spsi_penumbra_task(void *data, int index, int worker) {
+    const spsi_penumbra *penumbra = (const spsi_penumbra *)data;
+    const spsi_area tile = spsi_penumbra_reach(penumbra, spsi_tile_area(penumbra, index, SPSI_BEAM_ROWS));
+    float *scratch = penumbra->scratch + (size_t)worker * penumbra->scratch_floats;
+    const size_t most = (penumbra->scratch_floats - SPSI_BEAM_TILE) / 2;
+    const double first = penumbra->first_slab;
+    spsi_penumbra_rows(penumbra, tile, 0);
+    for (int i = 0; i < penumbra->beam_count; ++i) {
+        const spsi_beam *beam = &penumbra->beams[i];
+        const spsi_area own = spsi_beam_own(penumbra, beam, index);
+        spsi_beam_part part = {penumbra, beam, 0, own, scratch, scratch + most, scratch + most + SPSI_BEAM_TILE};
+        if (!spsi_area_empty(tile)) {
+            const spsi_area seen = spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, -1, tile);
+            part.area = spsi_area_meet(spsi_area_empty(own) ? seen : spsi_area_join(own, seen), spsi_beam_area(beam));
+        }
+        const spsi_area crosses = spsi_beam_crosses(penumbra, beam, part.area);
+        spsi_beam_copy(&part, part.area, 0);
+        for (; part.plane <= SPSI_CHUNK; ++part.plane) {
+            if (!spsi_area_empty(tile)) spsi_beam_add(&part, tile);
+            if (part.plane < SPSI_CHUNK) spsi_beam_follow(&part, crosses);
+        }
+        spsi_beam_copy(&part, own, 1);
+    }
+    spsi_penumbra_rows(penumbra, tile, 1);
+}
+
+/* Follows all beams through the stored chunk. */
 SPSI_COLD void spsi_penumbra_advance(sps_context *context, spsi_penumbra *penumbra, int first_slab,
                                      float *const *planes) {
-    const int tiles = penumbra->tiles_x * penumbra->tiles_y;
-    int most = 0; /* rows of the tallest beam */
     penumbra->first_slab = first_slab;
     penumbra->planes = planes;
     for (int i = 0; i < penumbra->beam_count; ++i) {
         spsi_beam *beam = &penumbra->beams[i];
-        most = spsi_imax(most, beam->rays.height);
-        memcpy(beam->start, beam->depth, spsi_ray_count(&beam->rays) * sizeof *beam->start);
+        float *swapped = beam->start;
+        beam->start = beam->depth;
+        beam->depth = swapped;
     }
-    for (penumbra->plane = 0; penumbra->plane <= SPSI_CHUNK; ++penumbra->plane) {
-        spsi_parallel(context, tiles, spsi_penumbra_plane_task, penumbra);
-        if (penumbra->plane < SPSI_CHUNK)
-            spsi_parallel_items(context, (most + SPSI_BEAM_BLOCK - 1) / SPSI_BEAM_BLOCK, spsi_beams_task, penumbra);
-    }
+    spsi_parallel(context, penumbra->tiles_x * spsi_beam_tiles(penumbra), spsi_penumbra_task, penumbra);
 }
 
 /* True if the ray may cross media in the chunk up to `slab`. */

@@ -22020,7 +22020,7 @@ typedef struct spsi_received {
     double point[3], reach; /* reach: light is smooth over this length */
 } spsi_received;
 
-/* Adds a grid's irradiance. Returns a length over which it is smooth. */
+/* Adds a grid's irradiance. Returns a length over which it is smooth: it has a kink at the grid's border. */
 static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_grid *grid, const spsi_surface *surface,
                                        int face, double irradiance[3]) {
     float patches[SPSI_CELL_SHEET];
@@ -22028,11 +22028,14 @@ static double spsi_add_grid_irradiance(const spsi_faces *faces, const spsi_cell_
     const int hidden = spsi_cells_visibility(&visibility, patches);
     const spsi_cell_receiver to = {surface->point, surface->normal, hidden ? patches : NULL,
                                    SPSI_CELL_SIDE / (grid->light_count > 0 ? 4 : 8)};
-    const double distance = spsi_cells_distance(grid, surface->point);
-    double own[3];
+    double own[3], border = HUGE_VAL;
     spsi_cells_irradiance(grid, 0, grid->channels, &to, own);
     SPSI_ROLLED for (int c = 0; c < grid->channels; ++c) irradiance[c] += own[c];
-    return sqrt(16 * grid->edge * grid->edge + distance * distance);
+    for (int k = 0; k < 3; ++k) {
+        const double half = 0.5 * grid->edge * grid->size[k];
+        border = spsi_dmin(border, half - fabs(surface->point[k] - grid->corner[k] - half));
+    }
+    return 2 * (grid->edge + (border > 0 ? border : spsi_cells_distance(grid, surface->point)));
 }
 
 /* Irradiance from cells, first flights and the sky at a point in a hit's plane, relative to ambient light's. */
@@ -22097,7 +22100,7 @@ static int spsi_receive_even(spsi_receive_tile *tile, const spsi_hit *hit, int x
             const float ambient = (float)SPSI_PI * tile->job->frame->given.ambient[c];
             const float least = spsi_fmin(a->irradiance[c], b->irradiance[c]) + ambient;
             const float mean = 0.5f * (a->irradiance[c] + b->irradiance[c]);
-            if (!(fabsf(middle->irradiance[c] - mean) <= 0.03f * least)) return 0;
+            if (!(fabsf(middle->irradiance[c] - mean) <= 0.06f * least)) return 0;
         }
     }
     return 1;
@@ -22915,7 +22918,7 @@ typedef struct spsi_cell_job {
     spsi_shader shader;
     spsi_sweep sweep;
     spsi_cell_solver *solver;
-    int channel;  /* being solved */
+    int channel, returns; /* being solved; reflections by polygons so far */
 } spsi_cell_job;
 
 /* --- placing grids --- */
@@ -23716,12 +23719,15 @@ static void spsi_cell_walls_task(void *data, int row) {
     }
 }
 
-/* Sets polygons' radiance minus ambient light. `lit`: 1 if cells light them. Returns the relative change. */
-static double spsi_cell_walls_send(const spsi_cell_job *job, int c, int lit) {
+/* Sets radiance minus ambient light of a plane's polygons, and sums of |changes| and of |radiance|. */
+static void spsi_cell_walls_send_task(void *data, int z) {
+    const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
+    const int c = job->channel, lit = job->returns > 0;
     const double ambient = (double)job->frame->given.ambient[c];
+    const size_t plane = (size_t)(grid->pitch * grid->size[1]);
     double changed = 0, all = 0;
-    for (size_t at = 0; at < grid->count; ++at) {
+    for (size_t at = (size_t)z * plane; at < (size_t)(z + 1) * plane; ++at) {
         spsi_cell_wall *wall = &job->walls[at];
         double point[3], normal[3], color = (double)wall->color[c], sent;
         if (!wall->closed && !wall->outside) continue;
@@ -23736,7 +23742,8 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c, int lit) {
         all += fabs(sent);
         wall->sent = (float)sent;
     }
-    return all > 0 ? changed / all : 0;
+    job->solver->balance[2 * z] = changed;
+    job->solver->balance[2 * z + 1] = all;
 }
 
 /* --- first flights --- */
@@ -24520,11 +24527,12 @@ SPSI_COLD sps_result spsi_cells_solve_channel(spsi_cell_job *job, const spsi_cal
     const int enters = job->walls || job->frame->sky;
     level->outside = job->frame->matter.scatters && enters ? solver->outside[job->channel] : NULL;
     spsi_parallel_items(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, job);
-    for (int n = 0; n < SPSI_CELL_RETURNS; ++n) {
-        const double change = level->walls ? spsi_cell_walls_send(job, job->channel, n > 0) : 0;
-        if (n > 0 && change < SPSI_CELL_CHANGE) break;
+    for (job->returns = 0; job->returns < SPSI_CELL_RETURNS; ++job->returns) {
+        if (level->walls) spsi_parallel_items(job->context, grid->size[2], spsi_cell_walls_send_task, job);
+        const double change = level->walls ? spsi_cells_imbalance(solver, level) : 0;
+        if (job->returns > 0 && change < SPSI_CELL_CHANGE) break;
         each.share *= 0.5;
-        if (spsi_cells_solve(solver, n > 0, &each)) return job->context->result;
+        if (spsi_cells_solve(solver, job->returns > 0, &each)) return job->context->result;
         memcpy(light, level->moments[0], moments * sizeof(float));
         each.progress += each.share;
         if (!level->walls) break;

@@ -22100,7 +22100,7 @@ static int spsi_receive_even(spsi_receive_tile *tile, const spsi_hit *hit, int x
             const float ambient = (float)SPSI_PI * tile->job->frame->given.ambient[c];
             const float least = spsi_fmin(a->irradiance[c], b->irradiance[c]) + ambient;
             const float mean = 0.5f * (a->irradiance[c] + b->irradiance[c]);
-            if (!(fabsf(middle->irradiance[c] - mean) <= 0.06f * least)) return 0;
+            if (!(fabsf(middle->irradiance[c] - mean) <= 0.04f * least)) return 0;
         }
     }
     return 1;
@@ -24731,10 +24731,7 @@ SPSI_COLD sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *
     for (int n = 0; n < count; ++n) floats += spsi_cell_grid_lay_out(frame, &grids[n], NULL);
     float *memory = SPSI_RESERVE(context, SPSI_BUFFER_CELL_MOMENTS, floats, float);
     if (!memory) return context->result;
-    for (int n = 0; n < count; ++n) {
-        memory += spsi_cell_grid_lay_out(frame, &grids[n], memory);
-        memset(grids[n].seen, 0, (size_t)(memory - grids[n].seen) * sizeof *memory);
-    }
+    for (int n = 0; n < count; ++n) memory += spsi_cell_grid_lay_out(frame, &grids[n], memory);
     return SPS_OK;
 }
 
@@ -24886,6 +24883,8 @@ SPSI_COLD sps_result spsi_cells_find(sps_context *context, const spsi_frame *fra
         context->stats.cells += held ? 0 : cells;
         for (int m = 0; m < frame->matter.material_count; ++m)
             grids[n].swept[m] = (1 - flights->to_cells) * (1 - frame->content->flies[m]);
+        if (held && grids[n].terms == 1) continue; /* radiance is the same in all directions */
+        memset(grids[n].seen, 0, 4 * (size_t)frame->matter.material_count * grids[n].count * sizeof(float));
         spsi_parallel_items(context, grids[n].size[1] * grids[n].size[2], spsi_cells_viewer_task, &look);
         spsi_parallel_items(context, grids[n].size[1] * grids[n].size[2], spsi_cells_extrapolate_task, &look);
     }

@@ -733,7 +733,7 @@ static void test_floor_receives(void) {
 }
 
 /* Between pixels that receive cells' light it is interpolated: pictures of a few pixels' width have it exactly. Along
-   lines of three knots it departs from a straight line by 6 % at most. Where it is smooth, parabolas through the knots
+   lines of three knots it departs from a straight line by 4 % at most. Where it is smooth, parabolas through the knots
    are off by the third derivative, a tenth of that; where it has a kink, at the grid's border, by half of it. */
 static void test_received_between(void) {
     enum { WIDE = 160, NEAR = 5 };

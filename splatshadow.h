@@ -16507,11 +16507,11 @@ static void spsi_row_add_even(const spsi_texel_grid *grid, const spsi_slide *sli
     if (row < 0 || row + 3 >= grid->height || first >= end) return;
     spsi_cubic_weights(spsi_set(move_x - floorf(move_x)), across);
     spsi_cubic_weights(spsi_set(move_y - floorf(move_y)), down);
-    const float *from = grid->values + (ptrdiff_t)row * grid->width + column;
     for (int i = first; i < end + 3; i += SPSI_LANES) {
+        const float *from = grid->values + (size_t)row * (size_t)grid->width + (size_t)(column + i);
         spsi_v sum = spsi_set(0);
-        for (int r = 0; r < 4; ++r)
-            sum = spsi_fma(down[r], spsi_load_first(from + (ptrdiff_t)r * grid->width + i, end + 3 - i), sum);
+        for (int r = 0; r < 4; ++r, from += grid->width)
+            sum = spsi_fma(down[r], spsi_load_first(from, end + 3 - i), sum);
         spsi_store(columns + i, sum);
     }
     for (int i = first; i < end; i += SPSI_LANES) {
@@ -16782,7 +16782,7 @@ static int spsi_penumbra_holds(const spsi_penumbra *penumbra, spsi_area area) {
     return 0;
 }
 
-/* Planes are computed only within two texels of media, the reach of cubic lookups. */
+/* Bounds of texels in an area that are within two of media, the reach of cubic lookups. */
 static spsi_area spsi_penumbra_reach(const spsi_penumbra *penumbra, spsi_area tile) {
     spsi_area reach = spsi_area_none();
     for (int y = tile.y0; y <= tile.y1; y += SPSI_PATCH)
@@ -16947,7 +16947,7 @@ static void spsi_penumbra_rows(const spsi_penumbra *penumbra, spsi_area area, in
 
 /* --- along the beams --- */
 
-#define SPSI_BEAM_ROWS 32 /* of a tile: its planes and sheets fit the L2 cache */
+#define SPSI_BEAM_ROWS 32 /* rows per tile, whose planes and sheets then fit the L2 cache */
 
 static int spsi_beam_tiles(const spsi_penumbra *penumbra) {
     return (penumbra->rays->height + SPSI_BEAM_ROWS - 1) / SPSI_BEAM_ROWS;
@@ -16967,14 +16967,9 @@ static spsi_area spsi_beam_crosses(const spsi_penumbra *penumbra, const spsi_bea
     const int first = penumbra->first_slab, end = first + SPSI_CHUNK;
     const spsi_rays *rays = penumbra->rays;
     const spsi_area all = {0, 0, rays->width - 1, rays->height - 1};
-    spsi_area media = spsi_area_none();
     if (spsi_area_empty(area)) return area;
     const spsi_area below = spsi_area_meet(spsi_slide_area(penumbra, beam, first, end, 1, area), all);
-    for (int y = below.y0; y <= below.y1; y += SPSI_PATCH)
-        for (int x = below.x0; x <= below.x1; x += SPSI_PATCH) {
-            const spsi_area patch = {x, y, x + SPSI_PATCH - 1, y + SPSI_PATCH - 1};
-            if (spsi_penumbra_holds(penumbra, patch)) media = spsi_area_join(media, patch);
-        }
+    const spsi_area media = spsi_penumbra_reach(penumbra, below);
     if (spsi_area_empty(media)) return media;
     return spsi_area_meet(spsi_slide_area(penumbra, beam, first, end, -1, media), area);
 }
@@ -17028,7 +17023,7 @@ static void spsi_penumbra_task(void *data, int index, int worker) {
         spsi_beam_part part = {penumbra, beam, 0, own, scratch, scratch + most, scratch + most + SPSI_BEAM_TILE};
         if (!spsi_area_empty(tile)) {
             const spsi_area seen = spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, -1, tile);
-            part.area = spsi_area_meet(spsi_area_empty(own) ? seen : spsi_area_join(own, seen), spsi_beam_area(beam));
+            part.area = spsi_area_meet(spsi_area_join(own, seen), spsi_beam_area(beam));
         }
         const spsi_area crosses = spsi_beam_crosses(penumbra, beam, part.area);
         spsi_beam_copy(&part, part.area, 0);

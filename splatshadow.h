@@ -18981,9 +18981,24 @@ SPSI_COLD sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, con
 
 /* --- lookup along camera rays --- */
 
+/* Undoes the blur of means, and of linear interpolation between them, which adds `blur` times the second differences.
+   Skips those across borders and to empty neighbours. Changes by `most` at most. */
+static float spsi_sharpened(const float *from, const size_t step[3], const int size[3], const int at[3], float blur,
+                            float most) {
+    float sum = 0;
+    for (int k = 0; k < 3; ++k) {
+        if (at[k] == 0 || at[k] + 1 == size[k]) continue;
+        const float low = *(from - step[k]), high = from[step[k]];
+        if (low > 0 && high > 0) sum += low + high - 2 * *from;
+    }
+    return spsi_fmax(*from - spsi_fmax(spsi_fmin(blur * sum, most), -most), 0);
+}
+
 typedef struct spsi_cell_viewer {
     const spsi_frame *frame;
     spsi_cell_grid *grid;
+    float *seen; /* copy of one material's radiance, before sharpening */
+    int material;
 } spsi_cell_viewer;
 
 /* Lookups also read cells behind the eye. These are treated as half an edge in front, so the direction is never 0. */
@@ -19084,6 +19099,37 @@ static void spsi_cells_extrapolate_task(void *data, int row) {
             seen[4 * cell] = spsi_cells_extrapolated(grid, seen, at);
         }
     }
+}
+
+/* Sources and radiance are means over cells, which blur by 1/24 each, and interpolation adds 1/12. */
+static void spsi_cells_sharpen_seen_task(void *data, int row) {
+    const spsi_cell_viewer *look = (const spsi_cell_viewer *)data;
+    const spsi_cell_grid *grid = look->grid;
+    const size_t pitch = 4 * (size_t)grid->pitch, step[3] = {4, pitch, pitch * (size_t)grid->size[1]};
+    int at[3] = {0, row % grid->size[1], row / grid->size[1]};
+    for (; at[0] < grid->size[0]; ++at[0]) {
+        const size_t cell = (size_t)row * (size_t)grid->pitch + (size_t)at[0];
+        float *seen = grid->seen + 4 * ((size_t)look->material * grid->count + cell);
+        for (int c = 0; c < grid->channels && grid->depth[cell] > 0; ++c)
+            seen[c] = spsi_sharpened(look->seen + 4 * cell + c, step, grid->size, at, 1.0f / 6, HUGE_VALF);
+    }
+}
+
+/* Radiance towards the eye. */
+static sps_result spsi_cells_look(sps_context *context, const spsi_frame *frame, spsi_cell_grid *grid) {
+    const int rows = grid->size[1] * grid->size[2], materials = frame->matter.material_count;
+    spsi_cell_viewer look = {frame, grid, NULL, 0};
+    look.seen = SPSI_RESERVE(context, SPSI_BUFFER_CELLS, 12 * grid->count, float);
+    if (!look.seen) return context->result;
+    look.seen += 8 * grid->count; /* spsi_cell_job.sharp */
+    memset(grid->seen, 0, 4 * (size_t)materials * grid->count * sizeof *grid->seen);
+    spsi_parallel_items(context, rows, spsi_cells_viewer_task, &look);
+    for (; look.material < materials; ++look.material) {
+        memcpy(look.seen, grid->seen + 4 * (size_t)look.material * grid->count, 4 * grid->count * sizeof *look.seen);
+        spsi_parallel_items(context, rows, spsi_cells_sharpen_seen_task, &look);
+    }
+    spsi_parallel_items(context, rows, spsi_cells_extrapolate_task, &look);
+    return SPS_OK;
 }
 
 /* --- irradiance on polygons --- */
@@ -22900,6 +22946,7 @@ typedef struct spsi_cell_job {
     int fine;             /* sheet samples per half cell edge */
     spsi_sampling sheets; /* stacked along z */
     float *samples;       /* two per cell edge: optical depth along half an edge */
+    float *sharp;         /* samples as marches interpolate them */
     float *scattered;     /* per material and channel: scattering optical depth along an edge */
     float *emitted;       /* per channel: radiance emitted along an edge */
     float *lit;           /* per grid light and channel: degree 0 of `incoming` */
@@ -23055,7 +23102,7 @@ SPSI_COLD void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid)
 
 SPSI_COLD size_t spsi_cell_job_floats(const spsi_frame *frame, const spsi_cell_grid *grid) {
     const int each = frame->matter.material_count + 1 + grid->light_count + grid->terms;
-    return (size_t)(8 + each * grid->channels);
+    return (size_t)(16 + each * grid->channels);
 }
 
 /* --- filling --- */
@@ -23222,6 +23269,20 @@ SPSI_COLD sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_call_stage *
     return SPS_OK;
 }
 
+/* Samples are means, which blur by 1/24, and interpolation adds 1/12. Within edges of deep media, changes beyond an
+   optical depth of 1/8 would let rays pass that are blocked. */
+static void spsi_cells_sharpen_task(void *data, int row) {
+    const spsi_cell_job *job = (const spsi_cell_job *)data;
+    const int size[3] = {2 * job->grid->size[0], 2 * job->grid->size[1], 2 * job->grid->size[2]};
+    const size_t pitch = 2 * (size_t)job->grid->pitch, step[3] = {1, pitch, pitch * (size_t)size[1]};
+    int at[3] = {0, row % size[1], row / size[1]};
+    for (; at[0] < size[0]; ++at[0]) {
+        const size_t sample = (size_t)row * pitch + (size_t)at[0];
+        if (job->samples[sample] > 0)
+            job->sharp[sample] = spsi_sharpened(job->samples + sample, step, size, at, 0.125f, 0.125f);
+    }
+}
+
 /* Optical depth of forward-peak scattering per cell edge, counted as transmitted (delta-M). */
 static float spsi_cell_straight(const spsi_cell_job *job, int channel, size_t at) {
     const spsi_cell_grid *grid = job->grid;
@@ -23375,7 +23436,7 @@ static spsi_v spsi_cells_depth_toward(const spsi_cell_job *job, const spsi_light
             path.place[k] = spsi_add(place[k], spsi_set((float)(own->corner[k] - grid->corner[k])));
         path.range[0] = spsi_set(0);
         path.range[1] = path.even ? distance : spsi_min(distance, spsi_set(SPSI_CELL_NEAR * (float)own->edge));
-        if (inside) sum = spsi_add(sum, spsi_cells_march(grid, job->samples, 2, &path, &first));
+        if (inside) sum = spsi_add(sum, spsi_cells_march(grid, job->sharp, 2, &path, &first));
         if (inside && path.even) continue;
         if (inside) path.range[0] = path.range[1];
         path.range[1] = distance;
@@ -24708,11 +24769,13 @@ SPSI_COLD sps_result spsi_cells_begin(sps_context *context, const spsi_frame *fr
     job->grid = grid;
     job->fine = spsi_samples_fineness(frame, 0.5 * grid->edge);
     job->samples = memory;
-    job->scattered = job->samples + 8 * grid->count;
+    job->sharp = job->samples + 8 * grid->count;
+    job->scattered = job->sharp + 8 * grid->count;
     job->emitted = job->scattered + (size_t)frame->matter.material_count * channels * grid->count;
     job->lit = job->emitted + channels * grid->count;
     job->incoming = job->lit + (size_t)grid->light_count * channels * grid->count;
     if (spsi_cells_fill(job, part)) return context->result;
+    spsi_parallel_items(context, 4 * grid->size[1] * grid->size[2], spsi_cells_sharpen_task, job);
     spsi_cells_mean_scale(job);
     if (grid->pyramid) memcpy(grid->pyramid, grid->depth, cells * sizeof *grid->depth);
     for (int m = -1; m < frame->matter.material_count && grid->pyramid; ++m)
@@ -24871,18 +24934,15 @@ SPSI_COLD sps_result spsi_cells_find(sps_context *context, const spsi_frame *fra
     spsi_volumes_fly(context, frame, grids->edge);
     if (!held && spsi_cells_make(context, frame, faces, &groups, part, grids, flights)) return context->result;
     if (!held) spsi_cells_share_scale(grids, count);
-    context->cells_cached = key;
     for (int n = 0; n < count; ++n) {
         const uint64_t cells = (uint64_t)grids[n].size[0] * (uint64_t)grids[n].size[1] * (uint64_t)grids[n].size[2];
-        spsi_cell_viewer look = {frame, &grids[n]};
         context->stats.cells += held ? 0 : cells;
         for (int m = 0; m < frame->matter.material_count; ++m)
             grids[n].swept[m] = (1 - flights->to_cells) * (1 - frame->content->flies[m]);
         if (held && grids[n].terms == 1) continue; /* radiance is the same in all directions */
-        memset(grids[n].seen, 0, 4 * (size_t)frame->matter.material_count * grids[n].count * sizeof(float));
-        spsi_parallel_items(context, grids[n].size[1] * grids[n].size[2], spsi_cells_viewer_task, &look);
-        spsi_parallel_items(context, grids[n].size[1] * grids[n].size[2], spsi_cells_extrapolate_task, &look);
+        if (spsi_cells_look(context, frame, &grids[n])) return context->result;
     }
+    context->cells_cached = key;
     frame->content->cells = grids;
     frame->content->cell_grid_count = count;
     if (spsi_cells_fly(frame)) frame->content->flights = flights;

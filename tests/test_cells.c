@@ -1231,6 +1231,18 @@ static void test_unshadowed(void) {
 }
 
 /* v becomes its products with the rows. */
+/* Which of two gases comes first does not matter: they scatter differently, into the same cells. Sums are rounded
+   otherwise. */
+static void test_swapped(void) {
+    check_scene s;
+    start(&s, TWO_GASES, SUN);
+    check_render(context, &s, image_a);
+    const sps_volume first = s.volume[0];
+    s.volume[0] = s.volume[1], s.volume[1] = first;
+    check_render(context, &s, image_b);
+    for (int i = 0; i < COUNT; ++i) CHECK_NEAR((double)image_b[i], (double)image_a[i], 1e-5);
+}
+
 static void turn(const double rows[3][3], double v[3]) {
     double out[3];
     for (int i = 0; i < 3; ++i) out[i] = vec_dot(rows[i], v);
@@ -1320,6 +1332,61 @@ static void start_cloud(check_scene *s, const sps_lobe *lobes, int lobe_count, i
 
 static const char *const cloud_views[] = {"from behind",       "aside",      "from the front",
                                           "towards the light", "from above", "from below, behind"};
+
+/* --- sharpening --- */
+
+/* Means over entries of x^2 + 2 y^2 - z^2 + 30 exceed it by a 24th of the second differences 2, 4 and -2, and its
+   linear interpolation does by a 12th in the mean: sharpened by an 8th, the mean is that of the parabola. */
+static void test_sharpened(void) {
+    static const size_t step[3] = {1, 5, 25};
+    static const int size[3] = {5, 5, 5}, corner[3] = {0, 4, 0};
+    float means[125];
+    int at[3];
+    for (int i = 0; i < 125; ++i) {
+        const int x = i % 5, y = i / 5 % 5, z = i / 25;
+        means[i] = (float)(x * x + 2 * y * y - z * z + 30 + 4 / 24.0);
+    }
+    for (at[2] = 1; at[2] < 4; ++at[2])
+        for (at[1] = 1; at[1] < 4; ++at[1])
+            for (at[0] = 1; at[0] < 4; ++at[0]) {
+                float *here = &means[at[0] + 5 * at[1] + 25 * at[2]], kept = here[1];
+                const double exact = at[0] * at[0] + 2 * at[1] * at[1] - at[2] * at[2] + 30 - 4 / 12.0;
+                CHECK_NEAR((double)spsi_sharpened(here, step, size, at, 0.125f, 9), exact, 1e-5);
+                CHECK_NEAR((double)spsi_sharpened(here, step, size, at, 0.125f, 0.25f), (double)*here - 0.25, 1e-5);
+                CHECK_NEAR((double)spsi_sharpened(here, step, size, at, -0.125f, 0.25f), (double)*here + 0.25, 1e-5);
+                here[1] = 0; /* y and z remain */
+                CHECK_NEAR((double)spsi_sharpened(here, step, size, at, 0.125f, 9), (double)*here - 2 / 8.0, 1e-5);
+                here[1] = kept;
+                CHECK(spsi_sharpened(here, step, size, at, 100, HUGE_VALF) == 0);
+            }
+    CHECK(spsi_sharpened(&means[20], step, size, corner, 0.125f, 9) == means[20]);
+}
+
+/* Coarse cells beside fine ones: pixels' rms, in % of their mean, as measured and 2 % of that. Without sharpening what
+   the eye sees it is 2.7 times that, and without sharpening samples it is 5 % more. */
+static void test_coarse(void) {
+    static const struct {
+        int view;
+        double most;
+    } cases[] = {{1, 2.56}, {2, 1.94}, {5, 2.31}};
+    for (int n = 0; n < 3; ++n) {
+        double squares = 0, sum = 0;
+        check_scene s;
+        start_cloud(&s, NULL, 0, cases[n].view);
+        s.view.scattering_resolution = 48;
+        check_render(context, &s, image_a);
+        s.view.scattering_resolution = 16;
+        check_render(context, &s, image_b);
+        for (int i = 0; i < COUNT; ++i) {
+            if (i % 4 == 3) continue;
+            squares += pow((double)image_b[i] - (double)image_a[i], 2);
+            sum += (double)image_a[i];
+        }
+        const double error = 100 * sqrt(squares / (3 * PIXELS)) / (sum / (3 * PIXELS));
+        if (figures()) printf("16 cells, %s: %.2f %%\n", cloud_views[cases[n].view], error);
+        CHECK(error < cases[n].most);
+    }
+}
 
 /* From behind, aside and in front: means of pictures. */
 static void test_clouds(void) {
@@ -2325,8 +2392,11 @@ int main(void) {
     RUN(test_nothing_for_surfaces);
     RUN(test_linear);
     RUN(test_unshadowed);
+    RUN(test_swapped);
     RUN(test_turned);
     RUN(test_scaled);
+    RUN(test_sharpened);
+    RUN(test_coarse);
     RUN(test_clouds);
     RUN(test_cloud_pixels);
     RUN(test_paths);

@@ -489,7 +489,7 @@ static void test_shader(void) {
         int is_forward;
     } cases[] = {{0.5, 0.065, SPS_SCATTERING_SINGLE, 0},
                  {4, 0.225, SPS_SCATTERING_SINGLE, 0},
-                 {4, 0.175, SPS_SCATTERING_MULTIPLE, 0},
+                 {4, 0.18, SPS_SCATTERING_MULTIPLE, 0},
                  {4, 2.05, SPS_SCATTERING_SINGLE, 1}};
     for (int k = 0; k < 4; ++k) {
         stage s;

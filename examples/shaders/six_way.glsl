@@ -10,7 +10,7 @@
 
    Squares of the direction's components weigh the three sides that face the light, as Unity and O3DE do. That is exact
    for a light on one side. In 26 directions, the rms error is 6 % of mean radiance for an isotropic cloud of optical
-   depth 0.7. At 5.5 it is 22 %, or 17 % with multiple scattering. With a phase function of asymmetry 0.6 it is
+   depth 0.7. At 5.5 it is 22 %, or 18 % with multiple scattering. With a phase function of asymmetry 0.6 it is
    twice the mean: the glow around a light behind the card belongs to that direction only. tests/test_six_way.c has
    these figures.
 

@@ -4951,7 +4951,7 @@ SPSI_COLD void spsi_resolve_quality(spsi_frame *frame) {
     static const double threshold[] = {0.003, 0.01, 0.003, 0.0005, 0.00005};
     static const int depth_map_texels[] = {1024, 512, 1024, 2048, 4096};
     static const int light_points[] = {16, 8, 16, 32, 64};
-    static const int cells[] = {48, 24, 48, 64, 96};
+    static const int cells[] = {40, 24, 40, 64, 96};
     static const int sky_samples[] = {32, 16, 32, 128, 512};
     static const double flight_angle[] = {0.3, 0.4, 0.3, 0.25, 0.2};
     const int looks = frame->matter.classifies, quality = (int)frame->view.quality;
@@ -11192,6 +11192,20 @@ static inline void spsi_deposit_weights_along(int axis, spsi_v at, float breadth
     spsi_store(shares->weight[axis][2], spsi_mul(mass, after));
 }
 
+/* All 27 samples lie within the tile. */
+static inline void spsi_deposit_within(const spsi_deposit *deposit, const spsi_deposit_weights *shares, int lane,
+                                       float *channel) {
+    const int pitch = deposit->tile->pitch;
+    const float x[3] = {shares->weight[0][0][lane], shares->weight[0][1][lane], shares->weight[0][2][lane]};
+    float *sheet = channel + (size_t)shares->first[2][lane] * deposit->tile->sheet_size +
+                   (size_t)(shares->first[1][lane] * pitch + shares->first[0][lane]);
+    for (int z = 0; z < 3; ++z, sheet += deposit->tile->sheet_size)
+        for (int y = 0; y < 3; ++y) {
+            const float amount = shares->weight[2][z][lane] * shares->weight[1][y][lane];
+            for (int k = 0; k < 3; ++k) sheet[y * pitch + k] += amount * x[k];
+        }
+}
+
 /* Parallel rays cover the whole medium, so border samples keep all mass. */
 static void spsi_deposit_voxel(const spsi_deposit *deposit, const spsi_deposit_weights *shares, int lane,
                                float *channel) {
@@ -11232,18 +11246,23 @@ static void spsi_deposit_brick(const spsi_deposit *deposit, const spsi_segment *
         q[1] = spsi_sub(q[1], spsi_set((float)deposit->tile->y0));
         q[2] = spsi_sub(slab, spsi_set(0.5f));
         const spsi_v reach = spsi_set(1.5f);
-        spsi_m inside = spsi_less(spsi_set(0), reach);
+        spsi_m inside = spsi_less(spsi_set(0), reach), whole = inside;
         for (int k = 0; k < 3; ++k) {
             const spsi_v low = spsi_set((float)deposit->low[k]), high = spsi_set((float)deposit->high[k]);
             inside = spsi_and(inside, spsi_less(low, spsi_add(q[k], reach)));
             inside = spsi_and(inside, spsi_less(spsi_sub(q[k], reach), high));
+            whole = spsi_and(whole, spsi_less(low, spsi_sub(q[k], reach)));
+            whole = spsi_and(whole, spsi_less(spsi_add(q[k], reach), high));
         }
-        const int bits = spsi_bits(inside) & ((1 << count) - 1);
+        const int bits = spsi_bits(inside) & ((1 << count) - 1), within = spsi_bits(whole) & bits;
         if (!bits) continue;
         for (int k = 0; k < 3; ++k)
             spsi_deposit_weights_along(k, q[k], deposit->breadth[k], k < 2 ? one : mass, &shares);
         for (int lane = 0; bits >> lane; ++lane)
-            if (bits >> lane & 1) spsi_deposit_voxel(deposit, &shares, lane, channel);
+            if (within >> lane & 1)
+                spsi_deposit_within(deposit, &shares, lane, channel);
+            else if (bits >> lane & 1)
+                spsi_deposit_voxel(deposit, &shares, lane, channel);
     }
 }
 

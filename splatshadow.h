@@ -19503,7 +19503,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
         at[axis] = end + outward * spsi_dmax(beyond, nearest);
         square += (at[axis] - end) * (at[axis] - end);
         for (int k = 0; k < 2; ++k)
-            parts[k] = (int)spsi_dmin(ceil(0.0625 * SPSI_CELL_PATCHES * from.extent[from.along[k]] / sqrt(square)),
+            parts[k] = (int)spsi_dmin(ceil(0.03125 * SPSI_CELL_PATCHES * from.extent[from.along[k]] / sqrt(square)),
                                    to->parts);
         spsi_set3(at, from.at);
         for (int k = 0; k < 3; ++k) middle[k] = spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET), from.at[k]);

@@ -755,7 +755,7 @@ typedef struct sps_view {
        voxels of at least 0.14 pixels. */
     float tolerance;
     sps_scattering scattering; /* 0: SPS_SCATTERING_AUTO */
-    /* SPS_SCATTERING_MULTIPLE: cells along the longest side of the gas, up to 256; 0: 24, 48, 64 or 96 by quality, down
+    /* SPS_SCATTERING_MULTIPLE: cells along the longest side of the gas, up to 256; 0: 24, 44, 64 or 96 by quality, down
        to half in thin gas or few pixels. Dense gas: error is proportional to a cell's optical depth. CONVOLUTION: half
        the texels across a light's sheets. */
     int scattering_resolution;
@@ -4951,7 +4951,7 @@ SPSI_COLD void spsi_resolve_quality(spsi_frame *frame) {
     static const double threshold[] = {0.003, 0.01, 0.003, 0.0005, 0.00005};
     static const int depth_map_texels[] = {1024, 512, 1024, 2048, 4096};
     static const int light_points[] = {16, 8, 16, 32, 64};
-    static const int cells[] = {40, 24, 40, 64, 96};
+    static const int cells[] = {44, 24, 44, 64, 96};
     static const int sky_samples[] = {32, 16, 32, 128, 512};
     static const double flight_angle[] = {0.3, 0.4, 0.3, 0.25, 0.2};
     const int looks = frame->matter.classifies, quality = (int)frame->view.quality;
@@ -13776,9 +13776,8 @@ static void spsi_tile_place(const spsi_target *target, int column, int row, int 
     tile->sheets = target->sheets.memory + (size_t)worker * target->sheets.floats;
 }
 
-static int spsi_box_meets_tile(const int16_t box[4], int column, int row) {
-    const int x0 = column * SPSI_TILE_WIDTH, y0 = row * SPSI_TILE_HEIGHT;
-    return box[0] < x0 + SPSI_TILE_WIDTH && box[2] >= x0 && box[1] < y0 + SPSI_TILE_HEIGHT && box[3] >= y0;
+static int spsi_box_meets_tile(const int16_t box[4], const spsi_tile *tile) {
+    return box[0] <= tile->x1 && box[2] >= tile->x0 && box[1] <= tile->y1 && box[3] >= tile->y0;
 }
 
 /* A tile being filled. `touched`: 1 once sheets are cleared. */
@@ -13995,7 +13994,7 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         const int channel = target->channels[brick->lattice];
         spsi_brick_origin origin;
         spsi_deposit deposit;
-        if (channel < 0 || !spsi_box_meets_tile(box, fill->column, fill->row)) continue;
+        if (channel < 0 || !spsi_box_meets_tile(box, tile)) continue;
         const uint64_t patches = tile->open & spsi_patches(tile, box[0], box[1], box[2], box[3]);
         if (spsi_gathers(target->verdicts[brick->lattice])) {
             gathered[brick->lattice] |= patches;
@@ -18444,6 +18443,7 @@ typedef struct spsi_cell_level {
     float *average[SPSI_CELL_LENGTHS]; /* mean transmittance along a step */
     float *keep[SPSI_CELL_ORDERS];     /* w' r[l] */
     float *given, *sent, *moments[2];  /* per term; `sent` includes `given`; moments[1]: scratch after a sweep */
+    float *last[2];                    /* finest level, per term: `sent` and residual before the last cycle */
     const spsi_cell_wall *walls;       /* per cell; NULL: polygons send nothing */
     const float *outside; /* radiance that enters along each direction; NULL: none, not even from polygons */
     uint32_t *closed;                  /* per cell: bit i: link i is closed; NULL: all are open */
@@ -18472,6 +18472,7 @@ typedef struct spsi_cell_solver {
     spsi_cell_level levels[SPSI_CELL_LEVELS];
     float *scratch;  /* radiance of rows and planes */
     double *balance; /* per plane of cells: sums of |residual| and |source| */
+    float longer;    /* fraction by which the last cycle's correction is lengthened */
     spsi_cell_rays rays;
     float outside[3][SPSI_CELL_DIRECTIONS]; /* per channel: the sky's radiance minus its minimum */
     int walled;          /* 1: some links are closed */
@@ -18927,11 +18928,57 @@ static void spsi_cells_paths_task(void *data, int z) {
         }
 }
 
+/* Products of the residual's change in the last cycle: with the residual, and with itself. */
+static void spsi_cells_products_task(void *data, int z) {
+    const spsi_cell_level *level = (const spsi_cell_level *)data;
+    const size_t plane = (size_t)(level->size[1] * level->pitch), first = (size_t)z * plane;
+    spsi_v product = spsi_set(0), square = product;
+    for (int t = 0; t < level->solver->terms; ++t)
+        for (size_t at = (size_t)t * level->count + first; at < (size_t)t * level->count + first + plane;
+             at += SPSI_LANES) {
+            const spsi_v miss = spsi_load(level->moments[1] + at);
+            const spsi_v change = spsi_sub(spsi_load(level->last[1] + at), miss);
+            product = spsi_fma(miss, change, product);
+            square = spsi_fma(change, change, square);
+        }
+    level->solver->balance[2 * z] = spsi_total(product);
+    level->solver->balance[2 * z + 1] = spsi_total(square);
+}
+
+static void spsi_cells_lengthen_task(void *data, int z) {
+    const spsi_cell_level *level = (const spsi_cell_level *)data;
+    const size_t plane = (size_t)(level->size[1] * level->pitch), first = (size_t)z * plane;
+    const spsi_v longer = spsi_set(level->solver->longer);
+    float *const now[2] = {level->sent, level->moments[1]};
+    for (int i = 0; i < 2 * level->solver->terms; ++i)
+        for (size_t at = (size_t)(i / 2) * level->count + first; at < (size_t)(i / 2) * level->count + first + plane;
+             at += SPSI_LANES) {
+            const spsi_v value = spsi_load(now[i % 2] + at), last = spsi_load(level->last[i % 2] + at);
+            const spsi_v found = spsi_fma(longer, spsi_sub(value, last), value);
+            spsi_store(now[i % 2] + at, found);
+            spsi_store(level->last[i % 2] + at, found);
+        }
+}
+
 /* --- solving --- */
 
 #define SPSI_CELL_BALANCE 5e-4 /* tolerated residual over source */
 #define SPSI_CELL_CYCLES  8    /* maximum */
 #define SPSI_CELL_REPEATS 4    /* sweeps of the coarsest level, at most 4 cells wide */
+
+/* Lengthens the last cycle's correction to where the residual is least: cycles correct too little where media are deep
+   and white. */
+SPSI_COLD void spsi_cells_lengthen(spsi_cell_solver *solver, int cycle) {
+    spsi_cell_level *level = &solver->levels[0];
+    double product = 0, square = DBL_MIN;
+    if (cycle > 0) spsi_parallel_items(solver->context, level->size[2], spsi_cells_products_task, level);
+    for (int z = 0; z < level->size[2] && cycle > 0; ++z) {
+        product += solver->balance[2 * z];
+        square += solver->balance[2 * z + 1];
+    }
+    solver->longer = (float)spsi_dmax(0, spsi_dmin(product / square, 1));
+    spsi_parallel_items(solver->context, level->size[2], spsi_cells_lengthen_task, level);
+}
 
 /* Total residual over total source. */
 SPSI_COLD double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_cell_level *level) {
@@ -18994,6 +19041,7 @@ SPSI_COLD sps_result spsi_cells_solve(spsi_cell_solver *solver, int started, con
             return solver->context->result;
         spsi_cells_check(finest);
         if (i == SPSI_CELL_CYCLES || spsi_cells_imbalance(solver, finest) < SPSI_CELL_BALANCE) return SPS_OK;
+        spsi_cells_lengthen(solver, i);
         spsi_cells_w_cycle(solver, 0);
     }
 }
@@ -19503,8 +19551,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
         at[axis] = end + outward * spsi_dmax(beyond, nearest);
         square += (at[axis] - end) * (at[axis] - end);
         for (int k = 0; k < 2; ++k)
-            parts[k] = (int)spsi_dmin(ceil(0.03125 * SPSI_CELL_PATCHES * from.extent[from.along[k]] / sqrt(square)),
-                                   to->parts);
+            parts[k] = (int)spsi_dmin(ceil(to->parts / 24.0 * from.extent[from.along[k]] / sqrt(square)), to->parts);
         spsi_set3(at, from.at);
         for (int k = 0; k < 3; ++k) middle[k] = spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET), from.at[k]);
         area = spsi_mul(area, spsi_set(1 / (float)(parts[0] * parts[1])));
@@ -22952,6 +22999,7 @@ typedef struct spsi_sampling {
     spsi_target target;
     spsi_contents contents;
     spsi_light_shader shader;
+    int strips; /* per tile */
     spsi_sample_fn sample_fn;
     const void *data;
 } spsi_sampling;
@@ -23082,7 +23130,7 @@ SPSI_COLD int spsi_cells_across(const spsi_frame *frame, const spsi_gas_group *g
         shortest = spsi_dmin(shortest, group->bounds.high[k] - group->bounds.low[k]);
     }
     pixel = frame->every_light ? 0 : spsi_pixel_size_at(eye, spsi_length(to) / spsi_length(eye->c));
-    if (pixel > 0) wanted = spsi_dmin(wanted, most / 96.0 * longest / pixel);
+    if (pixel > 0) wanted = spsi_dmin(wanted, most / 88.0 * longest / pixel);
     wanted = spsi_dmax(least, spsi_dmin(4 * ceil(0.25 * wanted), most));
     return wanted * shortest < 8 * longest ? most : (int)wanted;
 }
@@ -23160,6 +23208,7 @@ SPSI_COLD sps_result spsi_sampling_begin(sps_context *context, const spsi_frame 
     spsi_target_place(frame, &sheets->rays, &sheets->slabs, SPSI_TARGET_SAMPLES, 0, target);
     target->shape.channels = frame->matter.material_count;
     target->shape.slab_margin = 0;
+    sheets->strips = spsi_worker_count(context) > 1 ? 4 : 1; /* few tiles hold a grid; strips share bricks */
     if (spsi_target_volumes(context, target)) return context->result;
     spsi_light_shader_build(target, &sheets->shader);
     if (spsi_contents_build(context, target, NULL, &sheets->contents)) return context->result;
@@ -23214,11 +23263,18 @@ static void spsi_sampling_visit(const spsi_sampling *sheets, const spsi_tile *ti
     }
 }
 
-/* Returns the tile's number of slabs; 0: empty. */
+static int spsi_sampling_task_count(const spsi_sampling *sheets) {
+    return sheets->strips * sheets->target.columns * sheets->target.rows;
+}
+
+/* Returns the strip's number of slabs; 0: empty. */
 static int spsi_sampling_tile(const spsi_sampling *sheets, int index, int worker, spsi_tile *tile) {
-    const int column = index % sheets->target.columns, row = index / sheets->target.columns;
+    const int place = index / sheets->strips, height = SPSI_TILE_HEIGHT / sheets->strips;
+    const int column = place % sheets->target.columns, row = place / sheets->target.columns;
     spsi_tile_place(&sheets->target, column, row, worker, tile);
-    if (!spsi_tile_splat(&sheets->target, &sheets->contents, column, row, tile)) return 0;
+    tile->y0 += index % sheets->strips * height;
+    tile->y1 = spsi_imin(tile->y1, tile->y0 + height - 1);
+    if (tile->y0 > tile->y1 || !spsi_tile_splat(&sheets->target, &sheets->contents, column, row, tile)) return 0;
     return spsi_imin(SPSI_CHUNK, sheets->slabs.count - sheets->contents.first_slab);
 }
 
@@ -23240,8 +23296,7 @@ static void spsi_sampling_chunk(spsi_sampling *sheets, int chunk, spsi_sample_fn
     spsi_contents_advance(&sheets->contents, chunk);
     spsi_contents_bin_particles(&sheets->contents);
     if (sheets->contents.bricks.current + sheets->contents.particles.current > 0)
-        spsi_parallel(sheets->contents.context, sheets->target.columns * sheets->target.rows, spsi_sampling_task,
-                      sheets);
+        spsi_parallel(sheets->contents.context, spsi_sampling_task_count(sheets), spsi_sampling_task, sheets);
 }
 
 static void spsi_cells_deposit(float *row, int x, int end, int per_entry, float share, spsi_v amount) {
@@ -24172,6 +24227,7 @@ SPSI_COLD size_t spsi_cell_level_lay_out(const spsi_cell_grid *grid, spsi_cell_l
     level->closed = grid->flux_terms > 0 ? (uint32_t *)(void *)spsi_lay(memory, &laid, level->count) : NULL;
     level->given = spsi_lay(memory, &laid, terms);
     level->sent = spsi_lay(memory, &laid, terms);
+    for (int i = 0; i < 2; ++i) level->last[i] = level == level->solver->levels ? spsi_lay(memory, &laid, terms) : NULL;
     for (int i = 0; i < 2; ++i)
         level->moments[i] = spsi_lay(memory, &laid, (size_t)spsi_imax(grid->terms, grid->flux_terms) * level->count);
     return (size_t)laid;
@@ -24219,7 +24275,7 @@ SPSI_COLD sps_result spsi_cell_solver_build(sps_context *context, const spsi_cel
 /* --- solving with polygons --- */
 
 #define SPSI_CELL_RETURNS 6    /* maximum reflections by polygons */
-#define SPSI_CELL_CHANGE  5e-3 /* tolerated relative change of polygons' radiance */
+#define SPSI_CELL_CHANGE  1e-2 /* tolerated relative change of polygons' radiance */
 
 /* Returns a cell's emitter, or NULL if there is no room. `number`: emitter index + 1; 0: new. The first bright channel
    sets its direction. */

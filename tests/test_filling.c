@@ -1346,7 +1346,7 @@ static size_t sample_again(const check_scene *s, float *out) {
     for (int chunk = 0; chunk < spsi_chunk_count(&sheets.slabs); ++chunk) {
         spsi_contents_advance(&sheets.contents, chunk);
         spsi_contents_bin_particles(&sheets.contents);
-        for (int i = 0; i < sheets.target.columns * sheets.target.rows; ++i) {
+        for (int i = 0; i < spsi_sampling_task_count(&sheets); ++i) {
             spsi_tile tile;
             const int slabs = spsi_sampling_tile(&sheets, i, 0, &tile);
             for (int n = 0; n < slabs * (tile.x1 - tile.x0 + 1) * (tile.y1 - tile.y0 + 1); ++n) {

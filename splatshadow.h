@@ -18976,7 +18976,7 @@ SPSI_COLD void spsi_cells_lengthen(spsi_cell_solver *solver, int cycle) {
         product += solver->balance[2 * z];
         square += solver->balance[2 * z + 1];
     }
-    solver->longer = (float)spsi_dmax(0, spsi_dmin(product / square, 1));
+    solver->longer = square < HUGE_VAL ? (float)spsi_dmax(0, spsi_dmin(product / square, 1)) : 0; /* floats overflow */
     spsi_parallel_items(solver->context, level->size[2], spsi_cells_lengthen_task, level);
 }
 
@@ -19178,7 +19178,7 @@ static void spsi_cells_sharpen_seen_task(void *data, int row) {
         const size_t cell = (size_t)row * (size_t)grid->pitch + (size_t)at[0];
         float *seen = grid->seen + 4 * ((size_t)look->material * grid->count + cell);
         for (int c = 0; c < grid->channels && grid->depth[cell] > 0; ++c)
-            seen[c] = spsi_sharpened(look->seen + 4 * cell + c, step, grid->size, at, 1.0f / 6, HUGE_VALF);
+            seen[c] = spsi_sharpened(look->seen + 4 * cell + c, step, grid->size, at, 1.0f / 6, SPSI_INFINITY);
     }
 }
 

@@ -442,6 +442,9 @@ static void test_lengthened(void) {
         if (n == 0) CHECK_NEAR(product, 0, 1e-6 * square);
         CHECK(memcmp(level->last[0], level->sent, count * sizeof(float)) == 0);
         CHECK(memcmp(level->last[1], level->moments[1], count * sizeof(float)) == 0);
+        level->moments[1][0] = 1e30f; /* its square is no float */
+        spsi_cells_lengthen(&solver, 1);
+        CHECK(solver.longer == 0 && level->moments[1][0] == 1e30f);
         spsi_cells_lengthen(&solver, 0); /* the first cycle's is not known */
         CHECK(solver.longer == 0);
     }

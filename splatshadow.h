@@ -22999,7 +22999,6 @@ typedef struct spsi_sampling {
     spsi_target target;
     spsi_contents contents;
     spsi_light_shader shader;
-    int strips; /* per tile */
     spsi_sample_fn sample_fn;
     const void *data;
 } spsi_sampling;
@@ -23208,7 +23207,6 @@ SPSI_COLD sps_result spsi_sampling_begin(sps_context *context, const spsi_frame 
     spsi_target_place(frame, &sheets->rays, &sheets->slabs, SPSI_TARGET_SAMPLES, 0, target);
     target->shape.channels = frame->matter.material_count;
     target->shape.slab_margin = 0;
-    sheets->strips = spsi_worker_count(context) > 1 ? 4 : 1; /* few tiles hold a grid; strips share bricks */
     if (spsi_target_volumes(context, target)) return context->result;
     spsi_light_shader_build(target, &sheets->shader);
     if (spsi_contents_build(context, target, NULL, &sheets->contents)) return context->result;
@@ -23263,16 +23261,19 @@ static void spsi_sampling_visit(const spsi_sampling *sheets, const spsi_tile *ti
     }
 }
 
+/* Per tile: few tiles hold a grid's samples. More strips would visit bricks more often. */
+#define SPSI_SAMPLING_STRIPS 2
+
 static int spsi_sampling_task_count(const spsi_sampling *sheets) {
-    return sheets->strips * sheets->target.columns * sheets->target.rows;
+    return SPSI_SAMPLING_STRIPS * sheets->target.columns * sheets->target.rows;
 }
 
 /* Returns the strip's number of slabs; 0: empty. */
 static int spsi_sampling_tile(const spsi_sampling *sheets, int index, int worker, spsi_tile *tile) {
-    const int place = index / sheets->strips, height = SPSI_TILE_HEIGHT / sheets->strips;
+    const int place = index / SPSI_SAMPLING_STRIPS, height = SPSI_TILE_HEIGHT / SPSI_SAMPLING_STRIPS;
     const int column = place % sheets->target.columns, row = place / sheets->target.columns;
     spsi_tile_place(&sheets->target, column, row, worker, tile);
-    tile->y0 += index % sheets->strips * height;
+    tile->y0 += index % SPSI_SAMPLING_STRIPS * height;
     tile->y1 = spsi_imin(tile->y1, tile->y0 + height - 1);
     if (tile->y0 > tile->y1 || !spsi_tile_splat(&sheets->target, &sheets->contents, column, row, tile)) return 0;
     return spsi_imin(SPSI_CHUNK, sheets->slabs.count - sheets->contents.first_slab);

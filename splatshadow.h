@@ -16361,12 +16361,16 @@ SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *
    L linear in u.
          x = (u + d L)/(1 + d_t L).
    d is the offset from centre to point in texels. For directional lights, L counts slabs, and d is the shift per slab.
-   Planes store -log V.
-         A_s(u) += sheet_k(x at k + 1/2),    V_k(x) = mean over s of exp(-A_s(u at k)).
+   A step of n slabs, a power of 2, adds its sheets at once; beams move sideways by at most a texel in it. Planes store
+   -log V.
+         A_s(u) += sheets_k..k+n(x at k + n/2),    V_k(x) = mean over s of exp(-A_s(u at k)).
+   Within a step, light falls as along the centre's ray, with transmittance T; what this leaves is linear.
+         V_k+j = V_k T_j + j/n (V_k+n - V_k T_n).
    Layers between planes store the fraction of V that polygons stop, since averaging -log V over lit and dark points
-   is inaccurate. Tiles follow all beams through a chunk; they copy texels near their borders. Cost: 3 bicubic lookups
-   and an exponential per point, slab and occupied texel, 6 where polygons stop light. Memory: 8 bytes per point and
-   texel, 12 with polygons, and 256 per texel for layers. */
+   is inaccurate. Tiles follow all beams through a chunk; they copy texels near their borders. Cost: 2 bicubic lookups
+   and an exponential per point, step and occupied texel; 4 more lookups per slab where polygons stop light; an
+   exponential and a logarithm per slab. Memory: 8 bytes per point and texel, 12 with polygons, and 256 per texel for
+   layers. */
 
 typedef struct spsi_area {
     int x0, y0, x1, y1; /* inclusive */
@@ -16408,6 +16412,7 @@ typedef struct spsi_beam {
     double shift[3]; /* d */
     spsi_linear slab;
     float *start, *depth; /* per texel: optical depth at the chunk's first and last plane */
+    unsigned char *uneven; /* per tile; 1: they differ in its own texels */
     float *stop;       /* slab coordinate of the first polygon; NULL: no polygons */
     float first_stop;  /* minimum of `stop` */
     spsi_area stops;   /* texels with polygons, widened by cubics' reach */
@@ -16420,8 +16425,10 @@ typedef struct spsi_penumbra {
     float end; /* optical depth of early termination */
     spsi_beam *beams;
     int beam_count;
+    int stride;            /* slabs per step */
+    spsi_linear slab;      /* of the centre's rays */
     int first_slab;        /* the sheets' */
-    float *sheets;         /* mean extinction, per slab and texel */
+    float *sheets;         /* mean extinction, summed from a step's first slab; per slab and texel */
     float *hidden;         /* fraction of transmitted light stopped by polygons, per layer; NULL: no polygons */
     float *const *planes;  /* results */
     uint64_t *held;        /* per tile: patches with media */
@@ -16678,6 +16685,32 @@ static void spsi_beam_stop(sps_context *context, const spsi_faces *faces, spsi_b
         }
 }
 
+/* Slabs per step: a power of 2 at which beams move sideways by at most a texel. `aside`: texels per slab. */
+static int spsi_beam_stride(double aside) {
+    int stride = SPSI_CHUNK;
+    while (stride > 1 && stride * aside > 1) stride /= 2;
+    return stride;
+}
+
+/* Beams of lamps move sideways most in their first slab. */
+SPSI_COLD int spsi_penumbra_stride(const spsi_penumbra *penumbra) {
+    double aside = 0;
+    for (int i = 0; i < penumbra->beam_count; ++i)
+        for (int corner = 0; corner < 4; ++corner) {
+            const spsi_beam *beam = &penumbra->beams[i];
+            const double x = beam->x0 + (corner & 1 ? beam->rays.width - 1 : 0);
+            const double y = beam->y0 + (corner & 2 ? beam->rays.height - 1 : 0);
+            spsi_slide slide;
+            double first[2], next[2];
+            spsi_slide_build(penumbra, beam, 0, 1, &slide);
+            spsi_slide_at(&slide, x, y, first);
+            spsi_slide_build(penumbra, beam, 1, 1, &slide);
+            spsi_slide_at(&slide, x, y, next);
+            for (int k = 0; k < 2; ++k) aside = spsi_dmax(aside, fabs(next[k] - first[k]));
+        }
+    return spsi_beam_stride(aside);
+}
+
 SPSI_COLD sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                        spsi_penumbra *penumbra) {
     const spsi_light *light = sweep->light;
@@ -16687,6 +16720,7 @@ SPSI_COLD sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *f
     penumbra->end = spsi_light_end(frame);
     penumbra->tiles_x = spsi_tile_columns(penumbra->rays);
     penumbra->tiles_y = spsi_tile_rows(penumbra->rays);
+    spsi_linear_of_slabs(penumbra->rays, penumbra->slabs, &penumbra->slab);
     penumbra->beam_count = light->point_count;
     penumbra->beams = SPSI_RESERVE(context, SPSI_BUFFER_BEAMS, (size_t)penumbra->beam_count, spsi_beam);
     for (int i = 0; i < light->point_count && penumbra->beams; ++i)
@@ -16694,7 +16728,14 @@ SPSI_COLD sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *f
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, light->index, "", 0,
                                   "is so wide or so close that some of its points have gas beside or behind them; make "
                                   "it smaller, move it away, or set shadow_source or no_shadow on it");
+    penumbra->stride = spsi_penumbra_stride(penumbra);
     return context->result;
+}
+
+#define SPSI_BEAM_ROWS 32 /* rows per tile, whose planes and sheets then fit the L2 cache */
+
+static int spsi_beam_tiles(const spsi_penumbra *penumbra) {
+    return (penumbra->rays->height + SPSI_BEAM_ROWS - 1) / SPSI_BEAM_ROWS;
 }
 
 /* `memory` NULL: only counts. */
@@ -16702,6 +16743,7 @@ static uint64_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra 
                                       float *memory) {
     const uint64_t sheets = SPSI_CHUNK * (uint64_t)spsi_ray_count(penumbra->rays);
     const uint64_t tiles = (uint64_t)penumbra->tiles_x * (uint64_t)penumbra->tiles_y;
+    const uint64_t beam_tiles = (uint64_t)penumbra->tiles_x * (uint64_t)spsi_beam_tiles(penumbra);
     uint64_t laid = 0;
     size_t most = 0;
     /* first: strictest alignment */
@@ -16712,6 +16754,7 @@ static uint64_t spsi_penumbra_lay_out(const sps_context *context, spsi_penumbra 
         beam->depth = spsi_lay(memory, &laid, texels);
         beam->start = spsi_lay(memory, &laid, texels);
         beam->stop = has_polygons ? spsi_lay(memory, &laid, texels) : NULL;
+        beam->uneven = (unsigned char *)spsi_lay(memory, &laid, (beam_tiles + 3) / 4);
         beam->first_stop = SPSI_INFINITY;
         beam->stops = spsi_area_none();
         most = texels > most ? texels : most;
@@ -16741,7 +16784,7 @@ SPSI_COLD sps_result spsi_penumbra_begin(sps_context *context, const spsi_frame 
 
 static void spsi_penumbra_keep(const spsi_penumbra *penumbra, const spsi_light_shader *shader, const spsi_tile *tile,
                                int index) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2, width = penumbra->rays->width;
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2, width = penumbra->rays->width, rows_ahead = 2;
     const size_t texels = spsi_ray_count(penumbra->rays);
     uint64_t held = 0;
     for (int y = tile->y0; y <= tile->y1; ++y)
@@ -16751,12 +16794,15 @@ static void spsi_penumbra_keep(const spsi_penumbra *penumbra, const spsi_light_s
             const int count = spsi_imin(SPSI_LANES, tile->x1 - x + 1);
             const spsi_row_slabs slabs = spsi_row_slabs_at(shader, x, y);
             const spsi_v per_length = spsi_div(slabs.count, slabs.length);
-            spsi_v any = spsi_set(0);
+            spsi_v any = spsi_set(0), sum = any;
             SPSI_ROLLED for (int k = 0; k < SPSI_CHUNK; ++k) {
                 const spsi_v depth =
                     spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size, &slabs);
+                float *sheet = penumbra->sheets + (size_t)k * texels + to;
+                if (y + rows_ahead <= tile->y1) spsi_prefetch_to_write(sheet + rows_ahead * width);
                 any = spsi_max(any, depth);
-                spsi_store_first(penumbra->sheets + (size_t)k * texels + to, spsi_mul(depth, per_length), count);
+                sum = k % penumbra->stride == 0 ? depth : spsi_add(sum, depth);
+                spsi_store_first(sheet, spsi_mul(sum, per_length), count);
             }
             if (spsi_bits(spsi_less(spsi_set(0), any)))
                 held |= spsi_patch_box(x - tile->x0, y - tile->y0, x - tile->x0 + count - 1, y - tile->y0);
@@ -16802,7 +16848,9 @@ static int spsi_penumbra_holds(const spsi_penumbra *penumbra, spsi_area area) {
 
 /* Bounds of texels in an area that are within two of media, the reach of cubic lookups. */
 static spsi_area spsi_penumbra_reach(const spsi_penumbra *penumbra, spsi_area tile) {
+    const spsi_area all = {tile.x0 - 2, tile.y0 - 2, tile.x1 + 2, tile.y1 + 2};
     spsi_area reach = spsi_area_none();
+    if (!spsi_penumbra_holds(penumbra, all)) return reach;
     for (int y = tile.y0; y <= tile.y1; y += SPSI_PATCH)
         for (int x = tile.x0; x <= tile.x1; x += SPSI_PATCH) {
             const spsi_area patch = {x, y, x + SPSI_PATCH - 1, y + SPSI_PATCH - 1};
@@ -16813,9 +16861,9 @@ static spsi_area spsi_penumbra_reach(const spsi_penumbra *penumbra, spsi_area ti
 }
 
 /* World length of rays per slab. */
-static spsi_v spsi_slab_lengths(const spsi_beam *beam, spsi_v x, float y) {
-    const spsi_v slabs = spsi_abs(spsi_linear_slope(&beam->slab, x, y));
-    return spsi_div(spsi_ray_lengths(&beam->rays, x, y), spsi_max(slabs, spsi_set(FLT_MIN * 16)));
+static spsi_v spsi_slab_lengths(const spsi_rays *rays, const spsi_linear *slab, spsi_v x, float y) {
+    const spsi_v slabs = spsi_abs(spsi_linear_slope(slab, x, y));
+    return spsi_div(spsi_ray_lengths(rays, x, y), spsi_max(slabs, spsi_set(FLT_MIN * 16)));
 }
 
 /* Fraction of a layer's light that polygons stop, at a beam's texels in an area. Returns bounds of nonzero texels. */
@@ -16887,15 +16935,15 @@ static float *spsi_penumbra_layer(const spsi_penumbra *penumbra, int plane, int 
     return penumbra->hidden + (size_t)(plane * SPSI_SUBSLABS + n) * spsi_ray_count(penumbra->rays);
 }
 
-/* Adds the light that polygons stop in the slab behind the plane. */
+/* Adds the light that polygons stop in the step behind the plane. Gas in between weighs all beams alike. */
 static void spsi_beam_hide(const spsi_beam_part *part, spsi_area area) {
     const spsi_penumbra *penumbra = part->penumbra;
     const spsi_beam *beam = part->beam;
     const double slab = penumbra->first_slab + part->plane;
-    const spsi_area reach = spsi_slide_area(penumbra, beam, slab, slab + 1, -1, area);
+    const spsi_area reach = spsi_slide_area(penumbra, beam, slab, slab + penumbra->stride, -1, area);
     const spsi_area from = spsi_area_meet(reach, spsi_area_meet(beam->stops, spsi_beam_area(beam)));
     const spsi_texel_grid grid = spsi_beam_part_grid(part->stopped, from);
-    for (int n = 0; n < SPSI_SUBSLABS && !spsi_area_empty(from); ++n) {
+    for (int n = 0; n < penumbra->stride * SPSI_SUBSLABS && !spsi_area_empty(from); ++n) {
         const double at = slab + (n + 0.5) / SPSI_SUBSLABS;
         spsi_area any = spsi_beam_stopped(beam, from, (float)(SPSI_SUBSLABS * slab + n), part->stopped);
         spsi_slide slide;
@@ -16920,26 +16968,59 @@ static void spsi_beam_add(const spsi_beam_part *part, spsi_area area) {
         const spsi_tile_row row = spsi_tile_row_at(part->penumbra, area, y);
         spsi_beam_add_row(part, &slide, &row);
     }
-    if (part->plane < SPSI_CHUNK && (double)part->beam->first_stop < slab + 1) spsi_beam_hide(part, area);
+    if (part->plane < SPSI_CHUNK && (double)part->beam->first_stop < slab + part->penumbra->stride)
+        spsi_beam_hide(part, area);
 }
 
-/* Turns sums over beams into fractions stopped per layer and optical depth at the plane. */
-static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, const spsi_tile_row *row, int k, int layers) {
-    const spsi_v all = spsi_set((float)penumbra->beam_count), one = spsi_set(1);
-    float *plane = penumbra->planes[k] + row->texel;
+/* Turns sums over beams into fractions of a step's light that polygons stop, per layer. */
+static void spsi_penumbra_layers_row(const spsi_penumbra *penumbra, const spsi_tile_row *row, int k) {
+    const spsi_v one = spsi_set(1);
     SPSI_ROLLED for (int x = 0; x < row->count; x += SPSI_LANES) {
         const int some = spsi_imin(SPSI_LANES, row->count - x);
-        const spsi_v passes = spsi_load_first(plane + x, some);
+        const spsi_v passes = spsi_load_first(penumbra->planes[k] + row->texel + x, some);
         const spsi_v per_passed = spsi_div(one, spsi_max(passes, spsi_set(1e-30f)));
-        for (int n = 0; n < layers; ++n) {
+        for (int n = 0; n < penumbra->stride * SPSI_SUBSLABS; ++n) {
             float *stopped = spsi_penumbra_layer(penumbra, k, n) + row->texel + x;
             const spsi_v share = spsi_mul(spsi_load_first(stopped, some), per_passed);
             spsi_store_first(stopped, spsi_min(share, one), some);
         }
+    }
+}
+
+/* Fills the planes within a step. */
+static void spsi_penumbra_between_row(const spsi_penumbra *penumbra, const spsi_tile_row *row, int k) {
+    const int stride = penumbra->stride;
+    const size_t texels = spsi_ray_count(penumbra->rays);
+    for (int x = 0; x < row->count; x += SPSI_LANES) {
+        const int some = spsi_imin(SPSI_LANES, row->count - x);
+        const size_t at = row->texel + (size_t)x;
+        const float *sheets = penumbra->sheets + (size_t)k * texels + at;
+        const spsi_v column = spsi_add(spsi_set((float)(row->x0 + x)), spsi_iota()), zero = spsi_set(0);
+        const spsi_v less = spsi_sub(zero, spsi_slab_lengths(penumbra->rays, &penumbra->slab, column, (float)row->y));
+        const spsi_v first = spsi_load_first(penumbra->planes[k] + at, some);
+        const spsi_v last = spsi_load_first(penumbra->planes[k + stride] + at, some);
+        const spsi_v all = spsi_load_first(sheets + (size_t)(stride - 1) * texels, some);
+        const spsi_v rest = spsi_sub(last, spsi_mul(first, spsi_exp(spsi_mul(less, all))));
+        SPSI_ROLLED for (int n = 1; n < stride; ++n) {
+            const spsi_v sheet = spsi_load_first(sheets + (size_t)(n - 1) * texels, some);
+            const spsi_v sum = spsi_fma(rest, spsi_set((float)n / (float)stride),
+                                        spsi_mul(first, spsi_exp(spsi_mul(less, sheet))));
+            spsi_store_first(penumbra->planes[k + n] + at, spsi_max(sum, zero), some);
+        }
+    }
+}
+
+/* Turns a plane's sums over beams into optical depth. */
+static void spsi_penumbra_depth_row(const spsi_penumbra *penumbra, const spsi_tile_row *row, int k) {
+    const spsi_v per_beam = spsi_set(1 / (float)penumbra->beam_count);
+    float *plane = penumbra->planes[k] + row->texel;
+    SPSI_ROLLED for (int x = 0; x < row->count; x += SPSI_LANES) {
+        const int some = spsi_imin(SPSI_LANES, row->count - x);
         /* -ln x, at most `end`, a power of 2. With z = x^(1/end) >= 1/e and t = (z-1)/(z+1), ln z = 2 (t + t^3/3 + ..).
            Terms up to t^13 have error 2e-5 at SPSI_LIGHT_END, 8e-5 at SPSI_FORWARD_END. Exactly 0 at 1. */
         const float least = penumbra->end > SPSI_LIGHT_END ? 1.6038109e-28f : 1.1253517e-7f;
-        spsi_v z = spsi_max(spsi_div(passes, all), spsi_set(least)), t, square, sum = spsi_set(1.0f / 13);
+        const spsi_v passes = spsi_mul(spsi_load_first(plane + x, some), per_beam);
+        spsi_v z = spsi_min(spsi_max(passes, spsi_set(least)), spsi_set(1)), t, square, sum = spsi_set(1.0f / 13);
         for (float power = 1; power < penumbra->end; power *= 2) z = spsi_sqrt(z);
         t = spsi_div(spsi_sub(spsi_set(1), z), spsi_add(spsi_set(1), z));
         square = spsi_mul(t, t);
@@ -16948,28 +17029,28 @@ static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, const spsi_t
     }
 }
 
-/* Clears a tile's planes and layers, or finishes them. */
-static void spsi_penumbra_rows(const spsi_penumbra *penumbra, spsi_area area, int finish) {
-    for (int k = 0; k <= SPSI_CHUNK; ++k) {
-        const int layers = penumbra->hidden && k < SPSI_CHUNK ? SPSI_SUBSLABS : 0;
-        SPSI_ROLLED for (int y = area.y0; y <= area.y1; ++y) {
-            const spsi_tile_row row = spsi_tile_row_at(penumbra, area, y);
-            const size_t bytes = (size_t)row.count * sizeof(float);
-            for (int n = 0; n < layers && !finish; ++n)
-                memset(spsi_penumbra_layer(penumbra, k, n) + row.texel, 0, bytes);
-            if (!finish) memset(penumbra->planes[k] + row.texel, 0, bytes);
-            if (finish) spsi_penumbra_finish_row(penumbra, &row, k, layers);
+static void spsi_penumbra_clear_rows(const spsi_penumbra *penumbra, spsi_area area) {
+    for (int y = area.y0; y <= area.y1; ++y) {
+        const spsi_tile_row row = spsi_tile_row_at(penumbra, area, y);
+        const size_t bytes = (size_t)row.count * sizeof(float);
+        for (int k = 0; k <= SPSI_CHUNK; k += penumbra->stride) memset(penumbra->planes[k] + row.texel, 0, bytes);
+        for (int n = 0; n < SPSI_CHUNK * SPSI_SUBSLABS && penumbra->hidden; ++n)
+            memset(spsi_penumbra_layer(penumbra, 0, n) + row.texel, 0, bytes);
+    }
+}
+
+static void spsi_penumbra_finish_rows(const spsi_penumbra *penumbra, spsi_area area) {
+    for (int y = area.y0; y <= area.y1; ++y) {
+        const spsi_tile_row row = spsi_tile_row_at(penumbra, area, y);
+        for (int k = 0; k < SPSI_CHUNK; k += penumbra->stride) {
+            if (penumbra->hidden) spsi_penumbra_layers_row(penumbra, &row, k);
+            spsi_penumbra_between_row(penumbra, &row, k);
         }
+        for (int k = 0; k <= SPSI_CHUNK; ++k) spsi_penumbra_depth_row(penumbra, &row, k);
     }
 }
 
 /* --- along the beams --- */
-
-#define SPSI_BEAM_ROWS 32 /* rows per tile, whose planes and sheets then fit the L2 cache */
-
-static int spsi_beam_tiles(const spsi_penumbra *penumbra) {
-    return (penumbra->rays->height + SPSI_BEAM_ROWS - 1) / SPSI_BEAM_ROWS;
-}
 
 /* The texels of a beam that a tile follows to the chunk's end: an equal share. */
 static spsi_area spsi_beam_own(const spsi_penumbra *penumbra, const spsi_beam *beam, int index) {
@@ -16992,15 +17073,16 @@ static spsi_area spsi_beam_crosses(const spsi_penumbra *penumbra, const spsi_bea
     return spsi_area_meet(spsi_slide_area(penumbra, beam, first, end, -1, media), area);
 }
 
-/* Follows a beam's rays through the slab behind the plane. */
+/* Follows a beam's rays through the step behind the plane. */
 static void spsi_beam_follow(const spsi_beam_part *part, spsi_area area) {
     const spsi_rays *rays = part->penumbra->rays;
     const spsi_beam *beam = part->beam;
-    const float *sheet = part->penumbra->sheets + (size_t)part->plane * spsi_ray_count(rays);
+    const int stride = part->penumbra->stride;
+    const float *sheet = part->penumbra->sheets + (size_t)(part->plane + stride - 1) * spsi_ray_count(rays);
     const spsi_texel_grid grid = {sheet, 0, 0, rays->width, rays->height};
     const size_t width = (size_t)(part->area.x1 - part->area.x0 + 1);
     spsi_slide slide;
-    spsi_slide_build(part->penumbra, beam, part->penumbra->first_slab + part->plane + 0.5, 1, &slide);
+    spsi_slide_build(part->penumbra, beam, part->penumbra->first_slab + part->plane + 0.5 * stride, 1, &slide);
     for (int x = area.x0; x <= area.x1; x += SPSI_TILE_WIDTH) {
         float lengths[SPSI_TILE_WIDTH + SPSI_LANES];
         for (int y = area.y0; y <= area.y1; ++y) {
@@ -17008,7 +17090,7 @@ static void spsi_beam_follow(const spsi_beam_part *part, spsi_area area) {
             const spsi_texel_row row = {x, y, spsi_imin(SPSI_TILE_WIDTH, area.x1 - x + 1), lengths, depth};
             for (int i = 0; i < row.count && (y == area.y0 || rays->perspective); i += SPSI_LANES) {
                 const spsi_v at = spsi_add(spsi_set((float)(x - beam->x0 + i)), spsi_iota());
-                spsi_store(lengths + i, spsi_slab_lengths(beam, at, (float)(y - beam->y0)));
+                spsi_store(lengths + i, spsi_slab_lengths(&beam->rays, &beam->slab, at, (float)(y - beam->y0)));
             }
             spsi_row_add(&grid, &slide, &row);
         }
@@ -17027,31 +17109,48 @@ static void spsi_beam_copy(const spsi_beam_part *part, spsi_area area, int back)
     }
 }
 
-/* Follows all beams through a tile, plane by plane. Texels near its border are also followed by its neighbours. */
+/* Copies a tile's own texels from the chunk's first plane to its last, unless they are equal. */
+static void spsi_beam_level(const spsi_beam *beam, spsi_area own, int index) {
+    if (!beam->uneven[index]) return;
+    beam->uneven[index] = 0;
+    for (int y = own.y0; y <= own.y1 && own.x0 <= own.x1; ++y) {
+        const size_t at = (size_t)(y - beam->y0) * (size_t)beam->rays.width + (size_t)(own.x0 - beam->x0);
+        memcpy(beam->depth + at, beam->start + at, (size_t)(own.x1 - own.x0 + 1) * sizeof(float));
+    }
+}
+
+/* Follows a beam through a tile, plane by plane. Texels near its border are also followed by its neighbours. */
+static void spsi_beam_pass(const spsi_beam *beam, const spsi_penumbra *penumbra, spsi_area tile, int index,
+                           float *scratch) {
+    const size_t most = (penumbra->scratch_floats - SPSI_BEAM_TILE) / 2;
+    const double first = penumbra->first_slab;
+    const spsi_area own = spsi_beam_own(penumbra, beam, index), moved = spsi_beam_crosses(penumbra, beam, own);
+    spsi_beam_part part = {penumbra, beam, 0, moved, scratch, scratch + most, scratch + most + SPSI_BEAM_TILE};
+    spsi_beam_level(beam, own, index);
+    if (!spsi_area_empty(tile)) {
+        const spsi_area seen = spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, -1, tile);
+        part.area = spsi_area_join(moved, spsi_area_meet(seen, spsi_beam_area(beam)));
+    }
+    if (spsi_area_empty(part.area)) return;
+    const spsi_area crosses = spsi_beam_crosses(penumbra, beam, part.area);
+    spsi_beam_copy(&part, part.area, 0);
+    for (; part.plane <= SPSI_CHUNK; part.plane += penumbra->stride) {
+        if (!spsi_area_empty(tile)) spsi_beam_add(&part, tile);
+        if (part.plane < SPSI_CHUNK) spsi_beam_follow(&part, crosses);
+    }
+    if (spsi_area_empty(moved)) return;
+    spsi_beam_copy(&part, moved, 1);
+    beam->uneven[index] = 1;
+}
+
 static void spsi_penumbra_task(void *data, int index, int worker) {
     const spsi_penumbra *penumbra = (const spsi_penumbra *)data;
     const spsi_area tile = spsi_penumbra_reach(penumbra, spsi_tile_area(penumbra, index, SPSI_BEAM_ROWS));
     float *scratch = penumbra->scratch + (size_t)worker * penumbra->scratch_floats;
-    const size_t most = (penumbra->scratch_floats - SPSI_BEAM_TILE) / 2;
-    const double first = penumbra->first_slab;
-    spsi_penumbra_rows(penumbra, tile, 0);
-    for (int i = 0; i < penumbra->beam_count; ++i) {
-        const spsi_beam *beam = &penumbra->beams[i];
-        const spsi_area own = spsi_beam_own(penumbra, beam, index);
-        spsi_beam_part part = {penumbra, beam, 0, own, scratch, scratch + most, scratch + most + SPSI_BEAM_TILE};
-        if (!spsi_area_empty(tile)) {
-            const spsi_area seen = spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, -1, tile);
-            part.area = spsi_area_meet(spsi_area_join(own, seen), spsi_beam_area(beam));
-        }
-        const spsi_area crosses = spsi_beam_crosses(penumbra, beam, part.area);
-        spsi_beam_copy(&part, part.area, 0);
-        for (; part.plane <= SPSI_CHUNK; ++part.plane) {
-            if (!spsi_area_empty(tile)) spsi_beam_add(&part, tile);
-            if (part.plane < SPSI_CHUNK) spsi_beam_follow(&part, crosses);
-        }
-        spsi_beam_copy(&part, own, 1);
-    }
-    spsi_penumbra_rows(penumbra, tile, 1);
+    spsi_penumbra_clear_rows(penumbra, tile);
+    for (int i = 0; i < penumbra->beam_count; ++i)
+        spsi_beam_pass(&penumbra->beams[i], penumbra, tile, index, scratch);
+    spsi_penumbra_finish_rows(penumbra, tile);
 }
 
 /* Follows all beams through the stored chunk. */
@@ -17085,11 +17184,19 @@ static int spsi_beam_meets(const spsi_penumbra *penumbra, const spsi_beam *beam,
     return spsi_penumbra_holds(penumbra, area);
 }
 
+/* Extinction summed over `way` slabs of a step that begins with slab k. */
+static double spsi_penumbra_extinction(const spsi_penumbra *penumbra, int k, double way, const double at[2]) {
+    const int whole = (int)ceil(way) - 1, width = penumbra->rays->width, height = penumbra->rays->height;
+    const size_t texels = spsi_ray_count(penumbra->rays);
+    const float *sheet = penumbra->sheets + (size_t)(k + whole) * texels;
+    const double before = whole > 0 ? spsi_bilinear_inside(sheet - texels, width, height, at[0], at[1]) : 0;
+    return before + (way - whole) * (spsi_bilinear_inside(sheet, width, height, at[0], at[1]) - before);
+}
+
 /* Optical depth in front of a point: at the chunk's end, or at its start plus stored sheets. */
 static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam *beam, const double point[3]) {
     const double first = penumbra->first_slab;
     const double slab = spsi_dmin(spsi_slab_at(penumbra->slabs, point), first + SPSI_CHUNK);
-    const spsi_rays *rays = penumbra->rays;
     double q[3], texel[2], sum = 0, depth;
     spsi_project(&beam->rays, point, q);
     if (beam->rays.perspective && !(q[2] > 0)) return 0;
@@ -17097,15 +17204,16 @@ static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam 
     depth = spsi_bilinear_inside(slab < first + SPSI_CHUNK ? beam->start : beam->depth, beam->rays.width,
                                  beam->rays.height, q[0], q[1]);
     if (!(slab > first && slab < first + SPSI_CHUNK) || !spsi_beam_meets(penumbra, beam, texel, slab)) return depth;
-    for (int k = 0; k < SPSI_CHUNK && slab > first + k; ++k) {
-        const float *sheet = penumbra->sheets + (size_t)k * spsi_ray_count(rays);
+    for (int k = 0; k < SPSI_CHUNK && slab > first + k; k += penumbra->stride) {
+        const double way = spsi_dmin(slab - first - k, penumbra->stride);
         spsi_slide slide;
         double at[2];
-        spsi_slide_build(penumbra, beam, first + k + 0.5, 1, &slide);
+        spsi_slide_build(penumbra, beam, first + k + 0.5 * way, 1, &slide);
         spsi_slide_at(&slide, texel[0], texel[1], at);
-        sum += spsi_dmin(slab - first - k, 1) * spsi_bilinear_inside(sheet, rays->width, rays->height, at[0], at[1]);
+        sum += spsi_penumbra_extinction(penumbra, k, way, at);
     }
-    return depth + sum * (double)spsi_one(spsi_slab_lengths(beam, spsi_set((float)q[0]), (float)q[1]));
+    const spsi_v length = spsi_slab_lengths(&beam->rays, &beam->slab, spsi_set((float)q[0]), (float)q[1]);
+    return depth + sum * (double)spsi_one(length);
 }
 
 /* ============================================================================================ >>spreading
@@ -17721,7 +17829,8 @@ SPSI_COLD void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
     if (sliced->is_soft) {
         spsi_penumbra_advance(context, &sliced->penumbra, sliced->contents->first_slab, sliced->planes.depth);
         context->stats.soft_texels +=
-            (SPSI_CHUNK + 1) * (uint64_t)sliced->penumbra.beam_count * (uint64_t)spsi_ray_count(sliced->target.rays);
+            (uint64_t)(SPSI_CHUNK / sliced->penumbra.stride + 1) * (uint64_t)sliced->penumbra.beam_count *
+            (uint64_t)spsi_ray_count(sliced->target.rays);
     }
     context->stats.seconds_light += spsi_clock(context) - start;
 }
@@ -25853,7 +25962,7 @@ SPSI_COLD double spsi_work_sweep(const spsi_frame *frame, int n, spsi_sweep *swe
     return count <= SPSI_SLABS_MAX ? count : HUGE_VAL;
 }
 
-#define SPSI_POINT_TEXEL_UNITS 0.25 /* per light point and slab texel */
+#define SPSI_POINT_TEXEL_UNITS 0.25 /* per light point, texel and step of beams */
 #define SPSI_POINT_PIXEL_UNITS 7    /* per light point and pixel, with polygons */
 
 SPSI_COLD void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
@@ -25866,7 +25975,8 @@ SPSI_COLD void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
         const double texels = slabs * sweep.rays.width * sweep.rays.height;
         work->units[SPSI_STAGE_LIGHT] += texels;
         if (!sweep.soft) continue;
-        work->units[SPSI_STAGE_LIGHT] += SPSI_POINT_TEXEL_UNITS * texels * sweep.light->point_count;
+        const int stride = spsi_beam_stride(spsi_penumbra_texels(frame, &sweep) / (2 * spsi_dmax(slabs, 1)));
+        work->units[SPSI_STAGE_LIGHT] += SPSI_POINT_TEXEL_UNITS * texels / stride * sweep.light->point_count;
         if (frame->meshes.triangle_count > 0)
             work->units[SPSI_STAGE_EYE] += SPSI_POINT_PIXEL_UNITS * pixels * sweep.light->point_count;
     }

@@ -15078,23 +15078,49 @@ static void spsi_fill_volumes_task(void *data, int index, int worker) {
 
 /* --- a band of sums --- */
 
-/* Packs a texel's planes. depths[k * stride] runs from the light to plane k or, for sums, from plane k - 1. */
-static void spsi_shadow_table_store(const spsi_shadow_table *table, size_t texel, const float *depths, size_t stride,
-                                    int are_sums) {
-    const int planes = table->planes, side = SPSI_SHADOW_TABLE_SIDE, width = table->grid.rays[0].width;
-    const int x = (int)(texel % (size_t)width), y = (int)(texel / (size_t)width);
-    const size_t block = (size_t)(y / side) * (size_t)spsi_shadow_table_columns(&table->grid) + (size_t)(x / side);
-    uint32_t *to = (uint32_t *)table->pairs.data + block * (size_t)planes * SPSI_SHADOW_TABLE_TEXELS;
-    const float end = table->end;
-    uint32_t before = 0;
-    double sum = 0;
-    SPSI_ROLLED for (int k = 0; k < planes; ++k) {
-        sum = (are_sums ? sum : 0) + (double)depths[(size_t)k * stride];
-        const float steps = spsi_fmax(0, spsi_fmin((float)sum, end)) * (SPSI_SHADOW_TABLE_MOST / end);
+/* First plane of a table's texel. */
+static uint32_t *spsi_shadow_table_texel(const spsi_shadow_table *table, size_t texel) {
+    const size_t side = SPSI_SHADOW_TABLE_SIDE, width = (size_t)table->grid.rays[0].width;
+    const size_t x = texel % width, y = texel / width;
+    const size_t block = y / side * (size_t)spsi_shadow_table_columns(&table->grid) + x / side;
+    return (uint32_t *)table->pairs.data + block * (size_t)table->planes * SPSI_SHADOW_TABLE_TEXELS + y % side * side +
+           x % side;
+}
+
+/* Stores a texel's optical depths at its planes. */
+static void spsi_shadow_table_store(const spsi_shadow_table *table, size_t texel, const float *depths) {
+    uint32_t *to = spsi_shadow_table_texel(table, texel), before = 0;
+    SPSI_ROLLED for (int k = 0; k < table->planes; ++k) {
+        const float steps = spsi_fmax(0, spsi_fmin(depths[k], table->end)) * (SPSI_SHADOW_TABLE_MOST / table->end);
         const uint32_t next = (uint32_t)(steps + 0.5f);
-        to[k * SPSI_SHADOW_TABLE_TEXELS + y % side * side + x % side] = before | next << 16;
+        to[k * SPSI_SHADOW_TABLE_TEXELS] = before | next << 16;
         before = next;
     }
+}
+
+/* Stores rows of sums, plane by plane, as both are laid out. */
+static void spsi_shadow_table_store_rows(const spsi_shadow_table *table, const spsi_map_tile *from, int y0, int rows) {
+    const spsi_v zero = spsi_set(0), end = spsi_set(table->end), scale = spsi_set(SPSI_SHADOW_TABLE_MOST / table->end);
+    float sums[SPSI_SHADOW_TABLE_SIDE][SPSI_TILE_WIDTH + SPSI_LANES] = {{0}};
+    uint32_t *to[SPSI_SHADOW_TABLE_SIDE][SPSI_TILE_WIDTH];
+    int before[SPSI_SHADOW_TABLE_SIDE][SPSI_TILE_WIDTH] = {{0}}, next[SPSI_TILE_WIDTH + SPSI_LANES];
+    for (int y = 0; y < rows; ++y)
+        for (int x = 0; x < from->width; ++x)
+            to[y][x] = spsi_shadow_table_texel(table, spsi_map_tile_texel(from, from->x0 + x, from->y0 + y0 + y));
+    for (int k = 0; k < table->planes; ++k)
+        for (int y = 0; y < rows; ++y) {
+            const float *depths = from->sums + (size_t)k * from->stride + (size_t)((y0 + y) * from->width);
+            for (int x = 0; x < from->width; x += SPSI_LANES) {
+                const spsi_v depth = spsi_load_first(depths + x, spsi_imin(SPSI_LANES, from->width - x));
+                const spsi_v sum = spsi_add(spsi_load(sums[y] + x), depth);
+                spsi_store(sums[y] + x, sum);
+                spsi_store_int(next + x, spsi_round(spsi_mul(spsi_clamp(sum, zero, end), scale)));
+            }
+            SPSI_ROLLED for (int x = 0; x < from->width; ++x) {
+                to[y][x][k * SPSI_SHADOW_TABLE_TEXELS] = (uint32_t)before[y][x] | (uint32_t)next[x] << 16;
+                before[y][x] = next[x];
+            }
+        }
 }
 
 /* Evaluates a map's texel at its table's planes. */
@@ -15105,7 +15131,7 @@ static void spsi_shadow_table_evaluate(const sps_tmap *map, size_t index, const 
     spsi_tmap_depths(map, texel, 1, &whole, &whole);
     for (int k = 0; k < planes; ++k) u[k] = (float)(k + 1) / (float)planes;
     if (whole > 0) spsi_tmap_depths(map, texel, planes, u, depths);
-    spsi_shadow_table_store(map->table, index, depths, 1, 0);
+    spsi_shadow_table_store(map->table, index, depths);
 }
 
 static void spsi_ranges_task(void *data, int index) {
@@ -15142,12 +15168,10 @@ static void spsi_store_task(void *data, int index) {
     float own[SPSI_TMAP_COMPONENTS], *fronts = map->has_fronts ? (float *)map->data.fronts.data : NULL;
     spsi_map_tile into;
     spsi_map_tile_place(filling, index, &into);
-    for (int i = 0; i < into.width * into.height; ++i) {
+    for (int y = 0; y < into.height && is_table; y += SPSI_SHADOW_TABLE_SIDE)
+        spsi_shadow_table_store_rows(map->table, &into, y, spsi_imin(SPSI_SHADOW_TABLE_SIDE, into.height - y));
+    for (int i = 0; i < into.width * into.height && !is_table; ++i) {
         const size_t texel = spsi_map_tile_texel(&into, into.x0 + i % into.width, into.y0 + i / into.width);
-        if (is_table) {
-            spsi_shadow_table_store(map->table, texel, into.sums + i, into.stride, 1);
-            continue;
-        }
         float *out = map->table ? own : (float *)map->data.texels.data + texel * (size_t)map->settings.components;
         if (fronts)
             fronts[texel] = spsi_fmax(fronts[texel] + into.sums[(size_t)components * into.stride + (size_t)i], 0);

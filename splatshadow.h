@@ -17068,7 +17068,7 @@ static void spsi_penumbra_finish_rows(const spsi_penumbra *penumbra, spsi_area a
         const spsi_tile_row row = spsi_tile_row_at(penumbra, area, y);
         for (int k = 0; k < SPSI_CHUNK; k += penumbra->stride) {
             if (penumbra->hidden) spsi_penumbra_layers_row(penumbra, &row, k);
-            spsi_penumbra_between_row(penumbra, &row, k);
+            if (penumbra->stride > 1) spsi_penumbra_between_row(penumbra, &row, k);
         }
         for (int k = 0; k <= SPSI_CHUNK; ++k) spsi_penumbra_depth_row(penumbra, &row, k);
     }

@@ -16435,11 +16435,11 @@ typedef struct spsi_beam {
     int x0, y0;      /* u of texel (0, 0): the centre's x, on the first plane if directional */
     double shift[3]; /* d */
     spsi_linear slab;
-    float *start, *depth; /* per texel: optical depth at the chunk's first and last plane */
+    float *start, *depth;  /* per texel: optical depth at the chunk's first and last plane */
     unsigned char *uneven; /* per tile; 1: they differ in its own texels */
-    float *stop;       /* slab coordinate of the first polygon; NULL: no polygons */
-    float first_stop;  /* minimum of `stop` */
-    spsi_area stops;   /* texels with polygons, widened by cubics' reach */
+    float *stop;           /* slab coordinate of the first polygon; NULL: no polygons */
+    float first_stop;      /* minimum of `stop` */
+    spsi_area stops;       /* texels with polygons, widened by cubics' reach */
 } spsi_beam;
 
 typedef struct spsi_penumbra {
@@ -16450,7 +16450,7 @@ typedef struct spsi_penumbra {
     spsi_beam *beams;
     int beam_count;
     int stride;            /* slabs per step */
-    spsi_linear slab;      /* of the centre's rays */
+    spsi_linear slab;      /* slab coordinates along the centre's rays */
     int first_slab;        /* the sheets' */
     float *sheets;         /* mean extinction, summed from a step's first slab; per slab and texel */
     float *hidden;         /* fraction of transmitted light stopped by polygons, per layer; NULL: no polygons */
@@ -17121,26 +17121,13 @@ static void spsi_beam_follow(const spsi_beam_part *part, spsi_area area) {
     }
 }
 
-/* Copies optical depth in an area between a beam and the part. */
-static void spsi_beam_copy(const spsi_beam_part *part, spsi_area area, int back) {
-    const spsi_beam *beam = part->beam;
-    const size_t width = (size_t)(part->area.x1 - part->area.x0 + 1);
-    for (int y = area.y0; y <= area.y1 && area.x0 <= area.x1; ++y) {
-        const size_t at = (size_t)(y - beam->y0) * (size_t)beam->rays.width + (size_t)(area.x0 - beam->x0);
-        float *own = part->depth + (size_t)(y - part->area.y0) * width + (size_t)(area.x0 - part->area.x0);
-        memcpy(back ? beam->depth + at : own, back ? own : beam->start + at,
+/* Copies an area between texels that fill the areas `there` and `here`. */
+static void spsi_area_copy(spsi_area area, const float *from, spsi_area there, float *to, spsi_area here) {
+    const size_t pitch = (size_t)(there.x1 - there.x0 + 1), width = (size_t)(here.x1 - here.x0 + 1);
+    for (int y = area.y0; y <= area.y1 && area.x0 <= area.x1; ++y)
+        memcpy(to + (size_t)(y - here.y0) * width + (size_t)(area.x0 - here.x0),
+               from + (size_t)(y - there.y0) * pitch + (size_t)(area.x0 - there.x0),
                (size_t)(area.x1 - area.x0 + 1) * sizeof(float));
-    }
-}
-
-/* Copies a tile's own texels from the chunk's first plane to its last, unless they are equal. */
-static void spsi_beam_level(const spsi_beam *beam, spsi_area own, int index) {
-    if (!beam->uneven[index]) return;
-    beam->uneven[index] = 0;
-    for (int y = own.y0; y <= own.y1 && own.x0 <= own.x1; ++y) {
-        const size_t at = (size_t)(y - beam->y0) * (size_t)beam->rays.width + (size_t)(own.x0 - beam->x0);
-        memcpy(beam->depth + at, beam->start + at, (size_t)(own.x1 - own.x0 + 1) * sizeof(float));
-    }
 }
 
 /* Follows a beam through a tile, plane by plane. Texels near its border are also followed by its neighbours. */
@@ -17148,23 +17135,23 @@ static void spsi_beam_pass(const spsi_beam *beam, const spsi_penumbra *penumbra,
                            float *scratch) {
     const size_t most = (penumbra->scratch_floats - SPSI_BEAM_TILE) / 2;
     const double first = penumbra->first_slab;
-    const spsi_area own = spsi_beam_own(penumbra, beam, index), moved = spsi_beam_crosses(penumbra, beam, own);
+    const spsi_area all = spsi_beam_area(beam), own = spsi_beam_own(penumbra, beam, index);
+    const spsi_area moved = spsi_beam_crosses(penumbra, beam, own); /* texels to be changed */
     spsi_beam_part part = {penumbra, beam, 0, moved, scratch, scratch + most, scratch + most + SPSI_BEAM_TILE};
-    spsi_beam_level(beam, own, index);
+    if (beam->uneven[index]) spsi_area_copy(own, beam->start, all, beam->depth, all);
+    beam->uneven[index] = !spsi_area_empty(moved);
+    if (spsi_area_empty(tile) && spsi_area_empty(moved)) return;
     if (!spsi_area_empty(tile)) {
         const spsi_area seen = spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, -1, tile);
-        part.area = spsi_area_join(moved, spsi_area_meet(seen, spsi_beam_area(beam)));
+        part.area = spsi_area_join(moved, spsi_area_meet(seen, all));
     }
-    if (spsi_area_empty(part.area)) return;
     const spsi_area crosses = spsi_beam_crosses(penumbra, beam, part.area);
-    spsi_beam_copy(&part, part.area, 0);
+    spsi_area_copy(part.area, beam->start, all, part.depth, part.area);
     for (; part.plane <= SPSI_CHUNK; part.plane += penumbra->stride) {
         if (!spsi_area_empty(tile)) spsi_beam_add(&part, tile);
         if (part.plane < SPSI_CHUNK) spsi_beam_follow(&part, crosses);
     }
-    if (spsi_area_empty(moved)) return;
-    spsi_beam_copy(&part, moved, 1);
-    beam->uneven[index] = 1;
+    spsi_area_copy(moved, part.depth, part.area, beam->depth, all);
 }
 
 static void spsi_penumbra_task(void *data, int index, int worker) {
@@ -25999,7 +25986,8 @@ SPSI_COLD void spsi_work_add_sweeps(const spsi_frame *frame, spsi_work *work) {
         const double texels = slabs * sweep.rays.width * sweep.rays.height;
         work->units[SPSI_STAGE_LIGHT] += texels;
         if (!sweep.soft) continue;
-        const int stride = spsi_beam_stride(spsi_penumbra_texels(frame, &sweep) / (2 * spsi_dmax(slabs, 1)));
+        const double aside = 0.5 * spsi_penumbra_texels(frame, &sweep) / spsi_dmax(slabs, 1);
+        const int stride = spsi_beam_stride(aside);
         work->units[SPSI_STAGE_LIGHT] += SPSI_POINT_TEXEL_UNITS * texels / stride * sweep.light->point_count;
         if (frame->meshes.triangle_count > 0)
             work->units[SPSI_STAGE_EYE] += SPSI_POINT_PIXEL_UNITS * pixels * sweep.light->point_count;

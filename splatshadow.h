@@ -24571,35 +24571,44 @@ static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v fro
     }
 }
 
-/* Trims a patch where polygons cut its outermost cells off from the side's middle. */
-static void spsi_cell_patch_trim(const spsi_cell_wall *walls, const spsi_cell_grid *grid, int patch) {
+/* Trims a patch where polygons cut all of its lines of cells off from the side's middle. */
+static void spsi_cell_patch_trim(const spsi_cell_job *job, int patch) {
+    const spsi_cell_grid *grid = job->grid;
     const int side = spsi_cell_patch_side(patch), axis = side / 2;
     const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
     const float *own = grid->patches + patch;
-    double end[2][2];
+    spsi_cell_view view = {job->faces, grid, {0, 0, 0}, {0, 0, 0}};
+    double end[2][2]; /* in cells */
     for (int n = 0; n < 4; ++n)
         end[n / 2][n % 2] = (double)(own[along[n / 2] * SPSI_CELL_SHEET] +
-                                     ((float)(n % 2) - 0.5f) * own[(4 + n / 2) * SPSI_CELL_SHEET]);
+                                     ((float)(n % 2) - 0.5f) * own[(4 + n / 2) * SPSI_CELL_SHEET]) / grid->edge;
     for (int i = 0; i < 2; ++i) {
-        const double middle = 0.5 * grid->edge * grid->size[along[i]];
-        const int falls = end[i][0] + end[i][1] < 2 * middle, step = falls ? -1 : 1; /* away from the middle */
-        const int inner = (int)(end[i][falls] / grid->edge - 0.01 * falls);
-        const int outer = (int)(end[i][!falls] / grid->edge - 0.01 * !falls);
-        int reach = inner, at[3] = {0, 0, 0}, link[3] = {0, 0, 0};
+        const int falls = end[i][0] + end[i][1] < grid->size[along[i]], step = falls ? -1 : 1; /* from the middle */
+        const double inner = end[i][falls], outer = end[i][!falls];
+        const int first = (int)(falls ? ceil(inner - 0.5) : floor(inner - 0.5)), last = (int)(outer - 0.01 * !falls);
+        double reach = inner;
+        int at[3] = {0, 0, 0}, link[3] = {0, 0, 0};
         at[axis] = side % 2 ? grid->size[axis] - 1 : 0;
         link[along[i]] = -step;
-        for (int line = (int)(end[!i][0] / grid->edge); line < end[!i][1] / grid->edge - 0.01; ++line) {
+        const int number = spsi_cell_link(link[0], link[1], link[2]);
+        for (int line = (int)end[!i][0]; line < end[!i][1] - 0.01; ++line) {
+            double cut = outer;
+            spsi_ray ray;
+            spsi_hit hit;
             at[along[!i]] = line;
-            for (int cell = inner; cell != outer; cell += step) {
-                at[along[i]] = cell;
-                if (walls[(at[2] * grid->size[1] + at[1]) * grid->pitch + at[0]].closed >>
-                        spsi_cell_link(link[0], link[1], link[2]) & 1)
-                    break;
-                if ((cell + step - reach) * step > 0) reach = cell + step;
+            for (at[along[i]] = first; (last - at[along[i]]) * step >= 0; at[along[i]] += step) {
+                spsi_cell_view_move(&view, at[0], at[1], at[2]);
+                if (spsi_cell_view_ray(&view, link, &ray) &&
+                    !(job->walls[(at[2] * grid->size[1] + at[1]) * grid->pitch + at[0]].closed >> number & 1))
+                    continue;
+                if (!spsi_ray_to_opaque(job->faces, -1, &ray, &hit)) continue;
+                cut = (view.centre[along[i]] - grid->corner[along[i]]) / grid->edge + step * ray.high;
+                break;
             }
+            if ((cut - reach) * step > 0) reach = cut;
         }
-        if (reach != outer) end[i][!falls] = grid->edge * (reach + !falls);
-        spsi_cell_patch_set(grid, patch, i, end[i][0], end[i][1]);
+        if ((reach - inner) * step > 0 && (outer - reach) * step > 0) end[i][!falls] = reach;
+        spsi_cell_patch_set(grid, patch, i, grid->edge * end[i][0], grid->edge * end[i][1]);
     }
 }
 
@@ -24614,7 +24623,7 @@ static void spsi_cells_place_patches(const spsi_cell_job *job) {
             spsi_cell_patch_set(grid, n, i, extent * spsi_cell_patch_begin(at[i]),
                                 extent * spsi_cell_patch_begin(at[i] + 1));
         }
-        if (job->solver->walled) spsi_cell_patch_trim(job->walls, grid, n);
+        if (job->solver->walled) spsi_cell_patch_trim(job, n);
     }
 }
 
@@ -24648,6 +24657,15 @@ static void spsi_cell_patch_fit(const spsi_cell_rays *rays, const float *seen, c
         sent[(1 + t) * SPSI_CELL_SHEET] = made > 0 ? (float)SPSI_PI * terms[t] * (fabsf(flux) / made) : 0;
 }
 
+/* Rays from trimmed patches begin in the outermost cell that no polygon cuts off. In cells. */
+static float spsi_cell_patch_origin(const spsi_cell_grid *grid, int patch, int k) {
+    const int i = k == 2 || (k == 1 && spsi_cell_patch_side(patch) / 2 == 2);
+    const double middle = (double)grid->patches[k * SPSI_CELL_SHEET + patch] / grid->edge;
+    const double half = 0.5 * (double)grid->patches[(4 + i) * SPSI_CELL_SHEET + patch] / grid->edge;
+    if (middle < 0.5 * grid->size[k]) return (float)spsi_dmax(middle, ceil(middle - half - 0.5) + 0.5);
+    return (float)spsi_dmin(middle, ceil(middle + half - 0.52) - 0.5);
+}
+
 /* Light leaving a patch: pi times the radiance along rays from its centre. Dividing by a uniform medium's opacity
    removes the grid's shape. */
 static void spsi_cell_patches_task(void *data, int patch) {
@@ -24665,6 +24683,7 @@ static void spsi_cell_patches_task(void *data, int patch) {
             const int own = k == axis ? 2 : k > axis ? k - 1 : k; /* lower axis first */
             const spsi_v out = spsi_load(rays->out[own] + n);
             from[k] = spsi_set(grid->patches[k * SPSI_CELL_SHEET + patch] / (float)grid->edge);
+            if (job->solver->walled && k != axis) from[k] = spsi_set(spsi_cell_patch_origin(grid, patch, k));
             way[k] = k == axis && !upper ? out : spsi_sub(spsi_set(0), out);
         }
         length = spsi_cell_path_transmittance(extent, from, way);

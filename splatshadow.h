@@ -16747,7 +16747,8 @@ SPSI_COLD sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *f
     spsi_linear_of_slabs(penumbra->rays, penumbra->slabs, &penumbra->slab);
     penumbra->beam_count = light->point_count;
     penumbra->beams = SPSI_RESERVE(context, SPSI_BUFFER_BEAMS, (size_t)penumbra->beam_count, spsi_beam);
-    for (int i = 0; i < light->point_count && penumbra->beams; ++i)
+    if (!penumbra->beams) return context->result;
+    for (int i = 0; i < light->point_count; ++i)
         if (!spsi_beam_aim(frame, sweep, &light->points[i], &penumbra->beams[i]))
             return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, light->index, "", 0,
                                   "is so wide or so close that some of its points have gas beside or behind them; make "

@@ -1,14 +1,14 @@
 /* What a context keeps from call to call (voxels and their levels, triangles and their tree, shadow tables, light from
-   cell to cell and from sheet to sheet), and a call in between that fails: an allocation, a provider, or a call of
-   progress_fn that cancels, each of them in turn. Whatever was half made then, the next calls show what they would in a
-   fresh context, for the scene that failed as well as for the one before. */
+   cell to cell and from sheet to sheet, memory for a wide sun's beams), and a call in between that fails: an
+   allocation, a provider, or a call of progress_fn that cancels, each of them in turn. Whatever was half made then, the
+   next calls show what they would in a fresh context, for the scene that failed as well as for the one before. */
 
 #include "check.h"
 
 enum { WIDTH = 12, HEIGHT = 10, STATES = 2 };
-typedef enum kept { VOXELS, TREE, TABLE, CELLS, SPREAD, ALL, KINDS } kept;
-static const char *const names[KINDS] = {"voxels and levels", "tree",       "table", "light in cells",
-                                         "light in sheets",   "all of them"};
+typedef enum kept { VOXELS, TREE, TABLE, BEAMS, CELLS, SPREAD, ALL, KINDS } kept;
+static const char *const names[KINDS] = {
+    "voxels and levels", "tree", "table", "a wide sun's beams", "light in cells", "light in sheets", "all of them"};
 typedef enum cause { ALLOCATION, CANCEL, PROVIDER, CAUSES } cause;
 static const char *const causes[CAUSES] = {"allocations", "cancelled calls", "calls of providers"};
 
@@ -86,6 +86,7 @@ static void build(check_scene *s, kept kind, int state) {
     sun = check_add_directional(s, 0.3, -1, -0.4, 3);
     sun->shadow_source = kind == TABLE || kind == ALL ? SPS_SHADOW_TABLE : SPS_SHADOW_SHEETS;
     sun->shadow_map_resolution = sun->shadow_source == SPS_SHADOW_TABLE ? 24 : 0;
+    if (kind == BEAMS) sun->angular_diameter = 0.3, sun->samples = state ? 64 : 16;
     if (kind != TREE) add_puff(s, kind == VOXELS ? 0 : state);
     if (kind == TREE || kind == CELLS || kind == ALL) add_floors(s, state);
     if (kind == TREE) check_add_point(s, 0.4, 1.5, 0.3 * state, 3);

@@ -150,9 +150,10 @@ static void test_links(void) {
 /* A plane cuts the patches of the four sides that it crosses: no patch reaches past it, and a row of them ends there,
    on the side of the grid's middle. Rays from these begin in cells whose middles are on that side. */
 static void test_trimmed(void) {
+    static const double cuts[6] = {2.55, 4.55, 6.55, 9.45, 11.45, 13.45}; /* just past middles */
     for (int n = 0; n < 6; ++n) {
         const int axis = n % 3;
-        plane wall = {{0, 0, 0}, 0.32 * n - 0.81};
+        plane wall = {{0, 0, 0}, 0.145 * cuts[n] - 1.16}; /* edges of 0.145, from -1.16 on */
         const spsi_cell_grid *grid;
         double cut;
         check_scene s;
@@ -164,6 +165,7 @@ static void test_trimmed(void) {
         check_render(context, &s, image_a);
         grid = grid_of(context);
         cut = (wall.offset - grid->corner[axis]) / grid->edge;
+        CHECK(fabs(cut - cuts[n]) < 1e-4);
         for (int side = 0; side < 6; ++side) {
             const int along = axis == 2 || (axis == 1 && side > 3) ? 5 : 4; /* extent across the plane */
             const int low = cut < 0.5 * grid->size[axis];

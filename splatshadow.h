@@ -26157,7 +26157,7 @@ typedef struct spsi_candidate {
     int is_held;  /* 1: cached data saves work */
     double seconds, error;
     double making; /* part of `seconds`: cells that later frames hold */
-    double charge; /* `seconds` with a margin */
+    double charge; /* `seconds` with a margin, without part of `making` */
 } spsi_candidate;
 
 SPSI_COLD spsi_setting spsi_candidate_setting(int n) {
@@ -26266,14 +26266,24 @@ SPSI_COLD void spsi_candidates_order(const spsi_rates *pace, spsi_candidate *can
 #define SPSI_BETTER      0.9 /* a change must reach this fraction of error or seconds */
 #define SPSI_STEADY      20  /* frames with at most one change */
 
-/* Sets candidates' charges. In the second frame, making cells for later frames may double them. */
-SPSI_COLD void spsi_candidates_charge(const spsi_rates *pace, int frames, spsi_candidate *candidates) {
+/* Share of a candidate's time that the budget must cover, so that cells are made which later frames hold: none if these
+   are made in each frame; half in the second frame and in motion; a quarter if nothing moves, or to leave a miss. */
+SPSI_COLD double spsi_candidate_share(const spsi_rates *pace, const sps_view *view, int frames,
+                                      const spsi_candidate *held, const spsi_candidate *one) {
+    const int still = pace->shown[0] != 0 && pace->shown[0] == pace->shown[1];
+    const int leaves = held->seconds > view->budget_seconds && one->seconds - one->making < SPSI_BETTER * held->seconds;
+    if (!held->is_held || held->making > 0 || (frames != 1 && frames != 3)) return 1;
+    return frames == 3 && (still || leaves) ? 0.25 : 0.5;
+}
+
+SPSI_COLD void spsi_candidates_charge(const spsi_rates *pace, const sps_view *view, int frames,
+                                      spsi_candidate *candidates) {
     const spsi_candidate *held = &candidates[spsi_candidate_number(&pace->held)];
-    const int makes = frames == 1 && held->is_held && !(held->making > 0);
     for (spsi_candidate *one = candidates; one < candidates + SPSI_CANDIDATES; ++one) {
         const int guesses = frames == 3 && !one->is_known && one->error < held->error;
-        const double once = makes ? spsi_dmin(one->making, 0.5 * one->seconds) : 0;
-        one->charge = (guesses ? SPSI_SPARE_GUESS : SPSI_SPARE) * (one->seconds - once);
+        const double share = spsi_candidate_share(pace, view, frames, held, one);
+        const double seconds = spsi_dmax(one->seconds - one->making, share * one->seconds);
+        one->charge = (guesses ? SPSI_SPARE_GUESS : SPSI_SPARE) * seconds;
     }
 }
 
@@ -26303,6 +26313,7 @@ SPSI_COLD int spsi_budget_keeps(const spsi_rates *pace, const sps_view *view, co
     if (!held->exists || (misses && !timed)) return 0;
     if (pace->wait > 0) return 1;
     if (pace->shown[0] != 0 && pace->shown[0] == pace->shown[1] && best->error >= held->error) return 1;
+    if (misses && best->charge > view->budget_seconds) return best->charge > SPSI_BETTER * held->charge;
     return !misses && (timed ? best->error > SPSI_BETTER * held->error : best->seconds > SPSI_BETTER * held->seconds);
 }
 
@@ -26328,7 +26339,7 @@ SPSI_COLD int spsi_candidates_best(spsi_rates *pace, const sps_view *view, spsi_
     int best = 0;
     for (int size = 0; size < SPSI_SIZE_PRESETS; ++size)
         spsi_candidates_order(pace, candidates + size * SPSI_EACH_SIZE);
-    spsi_candidates_charge(pace, frames, candidates);
+    spsi_candidates_charge(pace, view, frames, candidates);
     for (int n = 1; n < SPSI_CANDIDATES; ++n) /* the first, large or coarse, wins ties */
         if (candidates[n].exists &&
             (!candidates[best].exists || spsi_candidate_beats(view, &candidates[n], &candidates[best])))

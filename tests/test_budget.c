@@ -818,31 +818,74 @@ static void test_margins(void) {
         pace.shown[0] = pace.shown[1] = 0; /* unknown: it may move */
         if (cases[i].timed && cases[i].still && cases[i].error[1] > 0.1)
             CHECK(!spsi_budget_keeps(&pace, &view, &two[0], &two[1]));
+        for (int k = 0; k < 2 && cases[i].timed; ++k) { /* if the best misses, too, it must be a tenth faster */
+            two[0].seconds = two[0].charge = 3, two[1].charge = k ? 2.71 : 2.69;
+            pace.wait = 0;
+            CHECK(spsi_budget_keeps(&pace, &view, &two[0], &two[1]) == k);
+        }
         two[0].exists = 0; /* rendering would refuse it now */
         CHECK(!spsi_budget_keeps(&pace, &view, &two[0], &two[1]));
     }
 }
 
-/* Seconds are spared: a tenth, and as much again where a finer setting was not measured. In the second frame, cells
-   that will be held count half. */
+/* Seconds are spared: a tenth, and as much again where a finer setting was not measured. In the second frame and from
+   the fourth on, cells that will be held count half, or a quarter where nothing moves or to leave a miss for a setting
+   that is a tenth faster; not if cells are made in each frame. */
 static void test_spared(void) {
     static spsi_candidate list[SPSI_CANDIDATES];
     static spsi_rates pace;
-    for (int frames = 0; frames < 4; ++frames) {
-        memset(list, 0, sizeof list);
-        list[0].seconds = 1, list[0].is_held = list[0].is_known = 1;
-        list[1].seconds = 2, list[1].making = 0.5, list[1].is_known = 1;
-        list[2].seconds = 2, list[2].making = 1.9;
-        list[0].error = 3, list[2].error = 2, list[3].error = 4, list[3].seconds = 1;
-        spsi_candidates_charge(&pace, frames, list);
-        CHECK_NEAR(list[0].charge, 1.1, 1e-12);
-        CHECK_NEAR(list[3].charge, 1.1, 1e-12);
-        CHECK_NEAR(list[1].charge, 1.1 * (frames == 1 ? 1.5 : 2), 1e-12);
-        CHECK_NEAR(list[2].charge, frames == 1 ? 1.1 : frames < 3 ? 2.2 : 4, 1e-12);
-        list[0].is_held = 0;
-        spsi_candidates_charge(&pace, frames, list);
-        CHECK_NEAR(list[1].charge, 2.2, 1e-12);
+    sps_view view;
+    memset(&view, 0, sizeof view);
+    for (int frames = 0; frames < 4; ++frames)
+        for (int state = 0; state < 3; ++state) { /* moves, is still, misses */
+            const int makes = frames % 2 == 1, most = frames == 3 && state > 0;
+            memset(list, 0, sizeof list);
+            list[0].seconds = 1, list[0].is_held = list[0].is_known = 1;
+            list[1].seconds = 2, list[1].making = 0.5, list[1].is_known = 1;
+            list[2].seconds = 2, list[2].making = 1.9;
+            list[4].seconds = 2, list[4].making = 1.9, list[4].is_known = 1;
+            list[0].error = 3, list[2].error = 2, list[3].error = 4, list[3].seconds = 1;
+            pace.shown[0] = 5, pace.shown[1] = state == 1 ? 5 : 6;
+            view.budget_seconds = state == 2 ? 0.99 : 1;
+            spsi_candidates_charge(&pace, &view, frames, list);
+            CHECK_NEAR(list[0].charge, 1.1, 1e-12);
+            CHECK_NEAR(list[3].charge, 1.1, 1e-12);
+            CHECK_NEAR(list[1].charge, 1.1 * (makes ? 1.5 : 2), 1e-12);
+            CHECK_NEAR(list[4].charge, most ? 0.55 : makes ? 1.1 : 2.2, 1e-12);
+            CHECK_NEAR(list[2].charge, list[4].charge / 1.1 * (frames == 3 ? 2 : 1.1), 1e-12);
+            list[4].making = 1.09; /* as slow as what misses, within a tenth: not worth a quarter */
+            spsi_candidates_charge(&pace, &view, frames, list);
+            CHECK_NEAR(list[4].charge, most && state == 1 ? 1.001 : makes ? 1.1 : 2.2, 1e-12);
+            list[0].making = 0.5;
+            spsi_candidates_charge(&pace, &view, frames, list);
+            CHECK_NEAR(list[1].charge, 2.2, 1e-12);
+            list[0].making = 0, list[0].is_held = 0;
+            spsi_candidates_charge(&pace, &view, frames, list);
+            CHECK_NEAR(list[1].charge, 2.2, 1e-12);
+        }
+}
+
+/* Cells that take two and a half times the budget to make, as an earlier budget has shown: in motion, they are not
+   made; where nothing moves, they are. Then they are held in motion, too. */
+static void test_made_when_still(void) {
+    work_clock clock;
+    sps_context *context = working_context(&clock);
+    sps_budget_report now;
+    sps_stats_report stats;
+    check_scene s;
+    start_moving(&s, context);
+    s.view.scattering = SPS_SCATTERING_MULTIPLE;
+    s.view.budget_seconds = 0.03; /* a cell takes 1e-7 s; all else 1e-3 s */
+    for (int n = 0; n < 3; ++n) now = moving_frame(&s, context, n, 1);
+    CHECK(now.scattering_resolution == 48);
+    s.volume[0].revision = 2;
+    s.view.budget_seconds = 0.4 * 1e-7 * 48 * 48 * 48;
+    for (int n = 0; n < 30; ++n) {
+        now = moving_frame(&s, context, n, n < 10 || n > 20);
+        sps_get_stats(context, &stats);
+        CHECK(now.scattering_resolution == (n < 10 ? 24 : 48) && (stats.cells > 0) == (n < 3 || n == 10));
     }
+    sps_destroy(context);
 }
 
 /* An error is kept in each frame, however fast the gas shrinks before black: finer settings come at once. */
@@ -1063,6 +1106,7 @@ int main(void) {
     RUN(test_asked_anew);
     RUN(test_margins);
     RUN(test_spared);
+    RUN(test_made_when_still);
     RUN(test_error_promised);
     RUN(test_scale_refused);
     RUN(test_shrunk);

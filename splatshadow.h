@@ -708,9 +708,9 @@ typedef enum sps_scattering {
     /* Multiple scattering in every direction, on one to four grids of cubic cells around all gas. Adds backscattered
        light, light from gas to gas, emission and ambient light; small angles as in FORWARD. Opaque polygons block
        light between cells and reflect it by the mesh's albedo; translucent ones let it pass. Area lights illuminate
-       cells from their centre; lights without shadows reach cells only via polygons. Cells are reused for any camera if
-       nothing else has changed, every volume and mesh has a revision, and no light has a projector. [Discrete
-       ordinates: Lebedev 1976, Wiscombe 1977] */
+       cells from their centre; lights without shadows reach cells only via polygons. Cells are reused if only the
+       camera has changed, every volume and mesh has a revision, and no light has a projector. Distance changes their
+       default number: scattering_resolution fixes it. [Discrete ordinates: Lebedev 1976, Wiscombe 1977] */
     SPS_SCATTERING_MULTIPLE
 } sps_scattering;
 
@@ -756,8 +756,8 @@ typedef struct sps_view {
     float tolerance;
     sps_scattering scattering; /* 0: SPS_SCATTERING_AUTO */
     /* SPS_SCATTERING_MULTIPLE: cells along the longest side of the gas, up to 256; 0: 24, 44, 64 or 96 by quality, down
-       to half in thin gas or few pixels. Dense gas: error is proportional to a cell's optical depth. CONVOLUTION: half
-       the texels across a light's sheets. */
+       to half in gas of low optical depth or few pixels, and more in long gas: docs/manual.md, section 5. Dense gas:
+       error is proportional to a cell's optical depth. CONVOLUTION: half the texels across a light's sheets. */
     int scattering_resolution;
     /* SPS_SCATTERING_AUTO: single scattering if higher orders carry at most this fraction of its energy, 0..1;
        0: 0.01. Scattering or emitting gas with polygons is always MULTIPLE; so is gas with lobes under a
@@ -23235,26 +23235,6 @@ SPSI_COLD void spsi_groups_build(const sps_context *context, const spsi_frame *f
     while (spsi_groups_join(groups, groups->count > SPSI_CELL_GRIDS ? HUGE_VAL : SPSI_GROUPS_APART)) continue;
 }
 
-/* Cells along the longest side. They must resolve the optical depth along it, at the medium's mean extinction weighted
-   by mass: their number grows with its root. Cells need not be smaller than two pixels, but 8 span the shortest side.
-   Multiples of 4 keep most moving cameras' cells. */
-SPSI_COLD int spsi_cells_across(const spsi_frame *frame, const spsi_gas_group *group) {
-    const int most = frame->view.scattering_resolution, least = frame->accuracy.cells_least;
-    const double longest = spsi_bounds_longest(&group->bounds);
-    const double depth = group->sum > 0 ? group->squares / group->sum * longest : 0;
-    const spsi_rays *eye = &frame->content->eye;
-    double wanted = most * sqrt(depth / 30), to[3], pixel, shortest = longest;
-    if (least == most || frame->matter.emits) return most;
-    for (int k = 0; k < 3; ++k) {
-        to[k] = 0.5 * (group->bounds.low[k] + group->bounds.high[k]) - eye->origin[k];
-        shortest = spsi_dmin(shortest, group->bounds.high[k] - group->bounds.low[k]);
-    }
-    pixel = frame->every_light ? 0 : spsi_pixel_size_at(eye, spsi_length(to) / spsi_length(eye->c));
-    if (pixel > 0) wanted = spsi_dmin(wanted, most / 88.0 * longest / pixel);
-    wanted = spsi_dmax(least, spsi_dmin(4 * ceil(0.25 * wanted), most));
-    return wanted * shortest < 8 * longest ? most : (int)wanted;
-}
-
 SPSI_COLD int spsi_cells_place(const spsi_bounds *bounds, int across, spsi_cell_grid *grid) {
     memset(grid, 0, sizeof *grid);
     grid->longest = spsi_bounds_longest(bounds);
@@ -23266,6 +23246,62 @@ SPSI_COLD int spsi_cells_place(const spsi_bounds *bounds, int across, spsi_cell_
         grid->corner[k] = 0.5 * (bounds->low[k] + bounds->high[k] - grid->edge * grid->size[k]);
     }
     return 1;
+}
+
+/* True if the caller or a budget sets the number of cells. */
+SPSI_COLD int spsi_cells_are_set(const spsi_frame *frame) {
+    return frame->accuracy.cells_least == frame->view.scattering_resolution;
+}
+
+/* Maximum number of cells along the longest side: no more in all than in a cube. */
+SPSI_COLD int spsi_cells_along(const spsi_frame *frame, const spsi_bounds *bounds) {
+    const int most = frame->view.scattering_resolution;
+    double volume = 1;
+    spsi_cell_grid grid;
+    for (int k = 0; k < 3; ++k)
+        volume *= (bounds->high[k] - bounds->low[k]) / spsi_dmax(spsi_bounds_longest(bounds), DBL_MIN);
+    int across = (int)spsi_dmax(most, spsi_dmin(most / cbrt(spsi_dmax(volume, DBL_MIN)), SPSI_CELL_SIDE_MOST));
+    if (spsi_cells_are_set(frame)) return most;
+    while (across > most && spsi_cells_place(bounds, across, &grid) &&
+           (double)grid.size[0] * grid.size[1] * grid.size[2] > pow(most, 3))
+        across -= 1;
+    return across;
+}
+
+/* Edge of the smallest voxels; 0 if there are particles. */
+SPSI_COLD double spsi_finest_voxel(const spsi_frame *frame) {
+    double volume = frame->content->particle_count > 0 ? 0 : HUGE_VAL;
+    for (int i = 0; i < frame->medium_count; ++i) volume = spsi_dmin(volume, frame->lattices[i].voxel_volume);
+    return cbrt(volume);
+}
+
+#define SPSI_CELL_DEPTH  30 /* optical depth that calls for as many default cells as the quality has */
+#define SPSI_CELL_PIXELS 2  /* least width of default cells in medium quality */
+#define SPSI_CELL_SHORT  8  /* default cells across the shortest side, if there is room */
+
+/* Cells along the longest side. They must resolve the optical depth along it, at the medium's mean extinction weighted
+   by mass: their number grows with its root. Emission also calls for cells as small as voxels, however few its pixels:
+   its light falls on other things. Otherwise, cells need not be smaller than two pixels at the gas's middle; for
+   probes, there are no pixels. Multiples of 4 keep most moving cameras' cells. */
+SPSI_COLD int spsi_cells_across(const spsi_frame *frame, const spsi_gas_group *group) {
+    const int most = frame->view.scattering_resolution, least = frame->accuracy.cells_least;
+    const double longest = spsi_bounds_longest(&group->bounds);
+    const double depth = group->sum > 0 ? group->squares / group->sum * longest : 0;
+    double wanted = most * sqrt(depth / SPSI_CELL_DEPTH), shortest = longest, to[3];
+    if (spsi_cells_are_set(frame)) return most;
+    for (int k = 0; k < 3; ++k) {
+        const double low = group->bounds.low[k], high = group->bounds.high[k];
+        to[k] = 0.5 * (low + high) - frame->content->eye.origin[k];
+        shortest = spsi_dmin(shortest, high - low);
+    }
+    if (frame->matter.emits) wanted = spsi_dmax(wanted, longest / spsi_finest_voxel(frame));
+    if (!frame->every_light && !frame->matter.emits) {
+        const spsi_rays *eye = &frame->content->eye;
+        const double pixel = spsi_pixel_size_at(eye, spsi_length(to) / spsi_length(eye->c));
+        if (pixel > 0) wanted = spsi_dmin(wanted, most / 44.0 / SPSI_CELL_PIXELS * longest / pixel);
+    }
+    wanted = spsi_dmax(spsi_dmax(least, 4 * ceil(0.25 * wanted)), ceil(SPSI_CELL_SHORT * longest / shortest - 1e-6));
+    return (int)spsi_dmin(wanted, spsi_cells_along(frame, &group->bounds));
 }
 
 SPSI_COLD void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
@@ -26955,7 +26991,7 @@ SPSI_COLD int spsi_plan_aim(sps_context *context, const spsi_frame *frame, int i
     if (spsi_bounds_empty(&frame->content->bounds)) return 0;
     if (spsi_uses_cells(frame))
         return ((is_read && spsi_cells_plan_grids(context, frame, 1, grids) > 0) ||
-                spsi_cells_place(&frame->content->bounds, frame->view.scattering_resolution, grids)) &&
+                spsi_cells_place(&frame->content->bounds, spsi_cells_along(frame, &frame->content->bounds), grids)) &&
                spsi_cells_aim(grids, spsi_samples_fineness(frame, 0.5 * grids->edge), rays, slabs);
     for (int i = 0; i < frame->lights.count && spsi_convolves(frame); ++i)
         if (frame->lights.list[i].shadows)

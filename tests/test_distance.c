@@ -370,6 +370,7 @@ static void test_cells(void) {
         check_set3(s.view.camera.position, 0, 0, 200);
         check_orthographic(&s.view.camera, SIDE);
         s.view.scattering = SPS_SCATTERING_MULTIPLE;
+        s.view.scattering_resolution = 44; /* finer cells than pixels show how thick levels are: 6 % with 256 */
         s.view.filling = splat ? SPS_FILLING_SPLAT : SPS_FILLING_AUTO;
         add_layer(&s, 1, 0.2);
         check_add_directional(&s, 0.3, 0.2, -1, 3);

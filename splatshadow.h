@@ -15098,7 +15098,7 @@ static void spsi_shadow_table_store(const spsi_shadow_table *table, size_t texel
     }
 }
 
-/* Stores rows of sums, plane by plane, as both are laid out. */
+/* Stores rows of sums, plane by plane: that is the order of a tile's sums and of a table's texels. */
 static void spsi_shadow_table_store_rows(const spsi_shadow_table *table, const spsi_map_tile *from, int y0, int rows) {
     const spsi_v zero = spsi_set(0), end = spsi_set(table->end), scale = spsi_set(SPSI_SHADOW_TABLE_MOST / table->end);
     float sums[SPSI_SHADOW_TABLE_SIDE][SPSI_TILE_WIDTH + SPSI_LANES] = {{0}};
@@ -16380,16 +16380,16 @@ SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *
 
 /* ============================================================================================ >>penumbrae
    25 Penumbrae of media. An area light is sampled at K points. Media are splatted once, along the rays of its centre;
-   each point stores only optical depth, in texels of its own rays. Depths are never resampled: no blur accumulates, and
-   successive occluders combine correctly. Slabs are parallel, so a plane maps a point's texel u to the centre's x, with
+   each point stores only optical depth, in texels of its own rays. Depths are never resampled, so no blur accumulates.
+   Slabs are parallel, so a plane maps a point's texel u to the centre's x, with
    L linear in u.
          x = (u + d L)/(1 + d_t L).
    d is the offset from centre to point in texels. For directional lights, L counts slabs, and d is the shift per slab.
-   A step of n slabs, a power of 2, adds its sheets at once; beams move sideways by at most a texel in it. Planes store
-   -log V.
+   A step of n slabs, a power of 2, adds its sheets at once; beams move sideways by at most a texel in it.
          A_s(u) += sheets_k..k+n(x at k + n/2),    V_k(x) = mean over s of exp(-A_s(u at k)).
    Within a step, light falls as along the centre's ray, with transmittance T; what this leaves is linear.
          V_k+j = V_k T_j + j/n (V_k+n - V_k T_n).
+   Planes store -log V.
    Layers between planes store the fraction of V that polygons stop, since averaging -log V over lit and dark points
    is inaccurate. Tiles follow all beams through a chunk; they copy texels near their borders. Cost: 2 bicubic lookups
    and an exponential per point, step and occupied texel; 4 more lookups per slab where polygons stop light; an
@@ -16466,7 +16466,9 @@ typedef struct spsi_beam_part {
     const spsi_beam *beam;
     int plane;      /* in the chunk */
     spsi_area area; /* texels followed */
-    float *depth, *passes, *stopped; /* optical depth; the tile's transmittance; fractions that polygons stop */
+    float *depth;   /* optical depth */
+    float *passes;  /* the tile's transmittance */
+    float *stopped; /* fractions that polygons stop */
 } spsi_beam_part;
 
 /* Bilinear lookup, 0 outside the grid. */
@@ -16716,7 +16718,7 @@ static int spsi_beam_stride(double aside) {
     return stride;
 }
 
-/* Beams of lamps move sideways most in their first slab. */
+/* Slabs per step. Beams of lamps move sideways most in their first slab, which sets it. */
 SPSI_COLD int spsi_penumbra_stride(const spsi_penumbra *penumbra) {
     double aside = 0;
     for (int i = 0; i < penumbra->beam_count; ++i)
@@ -26064,7 +26066,7 @@ SPSI_COLD size_t spsi_table_cached_bytes(sps_context *context, const spsi_frame 
     return 0;
 }
 
-/* Fixed units per stage: tenths of a millisecond, measured on one-pixel frames. */
+/* Units that a stage takes at least, measured on one-pixel frames. */
 static const double spsi_fixed_units[SPSI_STAGE_COUNT] = {1e4, 1e4, 5e3, 3e4, 100, 100, 3e4, 1e4};
 
 #define SPSI_DEPTH_TEXEL_UNITS 0.15 /* per depth map texel, in pixels */
@@ -26165,8 +26167,8 @@ SPSI_COLD double spsi_expected_error(const spsi_frame *frame, const spsi_setting
     const double pixels = (double)frame->view.region[2] * frame->view.region[3];
     const double covered = spsi_dmin(spsi_covered_pixels(frame), pixels);
     const double shown = covered > 0 ? pixels / covered : frame->meshes.triangle_count > 0 ? 1 : 0;
-    const int again = spsi_uses_cells(frame) || spsi_convolves(frame);
-    const double cells = again ? spsi_cell_errors[setting->cells] : 0;
+    const int scatters_again = spsi_uses_cells(frame) || spsi_convolves(frame);
+    const double cells = scatters_again ? spsi_cell_errors[setting->cells] : 0;
     const double sphere = frame->lights.shadow_count > 0 ? spsi_sphere_errors[setting->gas] * pow(spheres, 0.75) : 0;
     double gas = 0, points = 0, most = 0; /* most: voxel depth; at 0.5..3.2, errors are 1.1..3.2 times the table's */
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -26412,13 +26414,13 @@ SPSI_COLD sps_result spsi_budget_choose(sps_context *context, spsi_frame *frame,
     spsi_work_count_cells(context, frame, &work);
     const spsi_candidate *chosen = &candidates[best];
     const sps_view *view = &frame->view;
-    const int open = spsi_lights_are_open(frame), again = spsi_uses_cells(frame) || spsi_convolves(frame);
+    const int open = spsi_lights_are_open(frame), scatters_again = spsi_uses_cells(frame) || spsi_convolves(frame);
     const int meets = view->budget_seconds > 0 ? chosen->seconds <= view->budget_seconds
                                                : chosen->error <= view->budget_error;
     const sps_budget_report made = {
         chosen->exists && meets, chosen->seconds, chosen->error, view->quality,
         spsi_preset_of(frame, setting.gas).slab_thickness, view->tolerance, open ? frame->accuracy.light_points : 0,
-        again ? view->scattering_resolution : 0, view->region[2], view->region[3]};
+        scatters_again ? view->scattering_resolution : 0, view->region[2], view->region[3]};
     *report = made;
     context->pace.counts = 1;
     context->pace.setting = setting;

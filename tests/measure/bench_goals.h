@@ -16,10 +16,10 @@ static const goal no_goal = {0, 0}, workers_goal = {-1.9, 0};
 /* One row; `beside` is not judged. */
 static void goal_row(const char *what, double value, const char *unit, const char *beside, goal g) {
     const double limits[2] = {g.accept, g.aim};
-    double over[2]; /* by which factor a bound is missed */
+    double over[2]; /* above 1: missed, by that share of the limit */
     printf("| %s | %.3g%s | %s |", what, value, unit, beside);
     for (int i = 0; i < 2; ++i) {
-        over[i] = limits[i] < 0 ? -limits[i] / value : value / limits[i];
+        over[i] = limits[i] < 0 ? 2 - value / -limits[i] : value / limits[i];
         if (fabs(limits[i]) > 0)
             printf(" %s %g%s |", limits[i] < 0 ? ">=" : "<=", fabs(limits[i]), unit);
         else

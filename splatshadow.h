@@ -18519,7 +18519,8 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
    Delta-M scaling treats the forward peak f = P[orders] as transmitted [Wiscombe 1977]. Extinction scales by k = 1 -
    w f. Albedo w becomes w' = w (1-f)/k, phase moments P[l] become r[l] = (P[l]-f)/(1-f).
    A sweep adds only one scattering event; multigrid corrects smooth errors. Cost: 50 steps per cell, sweep and moment;
-   3 or 4 sweeps of the finest level, 5 to 8 near polygons.
+   3 or 4 sweeps of the finest level, 5 to 8 near polygons. A sweep is two tasks, or four for more than two workers,
+   each with moments of its own.
    Opaque polygons close links between cells whose centres they separate; closed links carry only the polygons'
    light. */
 
@@ -18565,7 +18566,8 @@ typedef struct spsi_cell_level {
     float *through[SPSI_CELL_LENGTHS]; /* transmittance of a step */
     float *average[SPSI_CELL_LENGTHS]; /* mean transmittance along a step */
     float *keep[SPSI_CELL_ORDERS];     /* w' r[l] */
-    float *given, *sent, *moments[2];  /* per term; `sent` includes `given`; moments[1]: scratch after a sweep */
+    float *given, *sent;               /* per term; `sent` includes `given` */
+    float *moments[4];                 /* likewise: of a sweep's tasks, then their sum and scratch; NULL: fewer tasks */
     float *last[2];                    /* finest level, per term: `sent` and residual before the last cycle */
     const spsi_cell_wall *walls;       /* per cell; NULL: polygons send nothing */
     const float *outside; /* radiance that enters along each direction; NULL: none, not even from polygons */
@@ -18592,6 +18594,7 @@ typedef struct spsi_cell_solver {
     spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
     int orders, terms, level_count;
     int taken; /* terms of moments in a sweep: `terms`, or more for polygons */
+    int tasks; /* per sweep: 2, or 4 with more workers */
     spsi_cell_level levels[SPSI_CELL_LEVELS];
     float *scratch;  /* radiance of rows and planes */
     double *balance; /* per plane of cells: sums of |residual| and |source| */
@@ -18689,21 +18692,24 @@ static void spsi_cell_centre(const spsi_cell_grid *grid, int x, int y, int z, do
 /* --- one sweep --- */
 
 #define SPSI_CELL_PAD   spsi_imax(2, SPSI_LANES) /* floats between rows, for the radiance at both ends */
-#define SPSI_CELL_SWEPT 26                       /* maximum directions per sweep */
+#define SPSI_CELL_PARTS 4                         /* of a sweep, by sense of z, then of y */
+#define SPSI_CELL_SWEPT 13                        /* maximum directions per part */
 
-/* A sweep along +z or -z: directions of that sense, and 3 or 5 of the 8 with constant z. */
+/* A part of a sweep, along +z or -z and +y or -y: half of the directions of that sense of z, and of the 8 with constant
+   z. Those that leave no cell for another of the same plane may be swept by either sense of y. */
 typedef struct spsi_cell_sweep {
     const spsi_cell_level *level;
     const spsi_cell_direction *directions[SPSI_CELL_SWEPT];
-    int count, rising; /* rising: count of leading directions, swept by ascending y */
-    float *planes;     /* radiance leaving the cells; two planes per direction */
-    float *rows;       /* scratch: inflow per direction; two rows of sources */
+    int count, falls; /* falls: swept by descending y */
+    float *moments;
+    int adds;      /* 1: adds to the moments of another part */
+    float *planes; /* radiance leaving the cells; two planes per direction */
+    float *rows;   /* scratch: inflow per direction; two rows of sources */
 } spsi_cell_sweep;
 
-/* Directions swept together. in[i][x] is the radiance entering cell x. */
+/* A row of a part's directions. in[i][x] is the radiance entering cell x. */
 typedef struct spsi_cell_beams {
     const spsi_cell_sweep *sweep;
-    int first, end;
     const float *in[SPSI_CELL_SWEPT];
     float *out[SPSI_CELL_SWEPT];
 } spsi_cell_beams;
@@ -18717,18 +18723,23 @@ static size_t spsi_cell_sweep_floats(const spsi_cell_level *level) {
 
 /* Directions along x, straight or slanted, form adjacent pairs: backward, then forward. */
 static void spsi_cell_sweep_begin(const spsi_cell_level *level, int index, spsi_cell_sweep *sweep) {
+    const int rises = index % 2, tasks = level->solver->tasks;
+    int spare = rises ? 5 : 9; /* directions of either sense of y that fall: with 7 of 24 or 4 of 26 others, half */
     sweep->level = level;
-    sweep->count = sweep->rising = 0;
+    sweep->count = 0;
+    sweep->falls = index / 2;
+    sweep->moments = level->moments[index % tasks];
+    sweep->adds = index >= tasks;
     sweep->planes = level->solver->scratch + (size_t)index * spsi_cell_sweep_floats(level);
     sweep->rows =
         sweep->planes + 2 * SPSI_CELL_SWEPT * (size_t)(level->size[1] + 2) * spsi_cell_row_floats(level);
     memset(sweep->planes, 0, spsi_cell_sweep_floats(level) * sizeof(float));
-    for (int n = 0; n < 2 * SPSI_CELL_DIRECTIONS; ++n) {
-        const spsi_cell_direction *direction = &level->solver->directions[n % SPSI_CELL_DIRECTIONS];
-        const int *step = direction->step, falls = step[1] < 0 && direction->beside[0][2] == 0;
-        if ((step[2] ? step[2] > 0 : step[1] < 0) != index || falls != n / SPSI_CELL_DIRECTIONS) continue;
+    for (int n = 0; n < SPSI_CELL_DIRECTIONS; ++n) {
+        const spsi_cell_direction *direction = &level->solver->directions[n];
+        const int *step = direction->step;
+        if ((step[2] ? step[2] > 0 : step[1] < 0) != rises) continue;
+        if ((direction->beside[0][2] != 0 ? spare-- > 0 : step[1] < 0) != sweep->falls) continue;
         sweep->directions[sweep->count++] = direction;
-        sweep->rising += !falls;
     }
 }
 
@@ -18829,7 +18840,7 @@ static void spsi_cell_rows_follow(const spsi_cell_sweep *sweep, int pair, int y,
         }
 }
 
-/* Sweeps a row. The first directions overwrite the moments, `taken` of them. */
+/* Sweeps a row. The first part overwrites the moments, `taken` of them. */
 static inline void spsi_cell_row_of(const spsi_cell_beams *beams, size_t row, float *moments, int terms, int taken) {
     const spsi_cell_level *level = beams->sweep->level;
     for (size_t at = row; at < row + (size_t)level->pitch; at += SPSI_LANES) {
@@ -18837,9 +18848,9 @@ static inline void spsi_cell_row_of(const spsi_cell_beams *beams, size_t row, fl
         for (int t = 0; t < taken; ++t) {
             const size_t term = (size_t)t * level->count + at;
             if (t < terms) sent[t] = spsi_load(level->sent + term);
-            sum[t] = beams->first > 0 ? spsi_load(moments + term) : spsi_set(0);
+            sum[t] = spsi_set(0);
         }
-        SPSI_ROLLED for (int i = beams->first; i < beams->end; ++i) {
+        SPSI_ROLLED for (int i = 0; i < beams->sweep->count; ++i) {
             const spsi_cell_direction *direction = beams->sweep->directions[i];
             const spsi_v through = spsi_load(level->through[direction->length] + at);
             const spsi_v average = spsi_load(level->average[direction->length] + at);
@@ -18851,73 +18862,79 @@ static inline void spsi_cell_row_of(const spsi_cell_beams *beams, size_t row, fl
             sum[0] = spsi_add(sum[0], s);
             for (int t = 1; t < taken; ++t) sum[t] = spsi_fma(s, spsi_set(direction->harmonic[t]), sum[t]);
         }
-        for (int t = 0; t < taken; ++t) spsi_store(moments + (size_t)t * level->count + at, sum[t]);
+        for (int t = 0; t < taken; ++t) {
+            float *moment = moments + (size_t)t * level->count + at;
+            spsi_store(moment, beams->sweep->adds ? spsi_add(spsi_load(moment), sum[t]) : sum[t]);
+        }
     }
 }
 
-static void spsi_cell_sweep_row_at(spsi_cell_beams *beams, int y, int z, float *moments) {
-    const spsi_cell_sweep *sweep = beams->sweep;
+static void spsi_cell_sweep_row_at(const spsi_cell_sweep *sweep, int y, int z) {
     const spsi_cell_level *level = sweep->level;
     const size_t row = (size_t)(z * level->size[1] + y) * (size_t)level->pitch;
     const int terms = level->solver->terms, taken = level->solver->taken;
     float *own[SPSI_CELL_SWEPT];
-    for (int i = beams->first; i < beams->end; ++i) {
+    spsi_cell_beams beams;
+    beams.sweep = sweep;
+    for (int i = 0; i < sweep->count; ++i) {
         own[i] = sweep->rows + (size_t)i * spsi_cell_row_floats(level);
-        beams->in[i] = spsi_cell_row_enters(sweep, i, y, z, own[i]);
-        beams->out[i] = spsi_cell_sweep_row(sweep, i, y, z);
-        if (level->outside) spsi_cell_row_end(sweep, i, row, beams->out[i]);
+        beams.in[i] = spsi_cell_row_enters(sweep, i, y, z, own[i]);
+        beams.out[i] = spsi_cell_sweep_row(sweep, i, y, z);
+        if (level->outside) spsi_cell_row_end(sweep, i, row, beams.out[i]);
         if (sweep->directions[i]->follows && sweep->directions[i]->step[0] > 0)
             spsi_cell_rows_follow(sweep, i - 1, y, z, &own[i - 1]);
     }
-    if (terms == 1 && taken == 1) spsi_cell_row_of(beams, row, moments, 1, 1);
-    if (terms == 1 && taken == 4) spsi_cell_row_of(beams, row, moments, 1, 4);
-    if (terms == 4) spsi_cell_row_of(beams, row, moments, 4, 4);
-    if (terms == SPSI_CELL_TERMS) spsi_cell_row_of(beams, row, moments, SPSI_CELL_TERMS, SPSI_CELL_TERMS);
-    for (int i = beams->first; i < beams->end && level->outside; ++i)
-        spsi_cell_row_end(sweep, i, row, beams->out[i]);
+    if (terms == 1 && taken == 1) spsi_cell_row_of(&beams, row, sweep->moments, 1, 1);
+    if (terms == 1 && taken == 4) spsi_cell_row_of(&beams, row, sweep->moments, 1, 4);
+    if (terms == 4) spsi_cell_row_of(&beams, row, sweep->moments, 4, 4);
+    if (terms == SPSI_CELL_TERMS)
+        spsi_cell_row_of(&beams, row, sweep->moments, SPSI_CELL_TERMS, SPSI_CELL_TERMS);
+    for (int i = 0; i < sweep->count && level->outside; ++i) spsi_cell_row_end(sweep, i, row, beams.out[i]);
 }
 
-static void spsi_cell_sweep_plane(const spsi_cell_sweep *sweep, int index, int z) {
-    const spsi_cell_level *level = sweep->level;
-    const int rows = level->size[1];
-    for (int falls = 0; falls < 2; ++falls) {
-        spsi_cell_beams beams;
-        beams.sweep = sweep;
-        beams.first = falls ? sweep->rising : 0;
-        beams.end = falls ? sweep->count : sweep->rising;
-        for (int i = beams.first; i < beams.end && level->outside; ++i) {
-            const int up = sweep->directions[i]->step[1];
-            if (up != 0) spsi_cell_row_border(sweep, i, up > 0 ? -1 : rows, z);
-        }
-        for (int n = 0; n < rows; ++n)
-            spsi_cell_sweep_row_at(&beams, falls ? rows - 1 - n : n, z, level->moments[index]);
+static void spsi_cell_sweep_plane(const spsi_cell_sweep *sweep, int z) {
+    const int rows = sweep->level->size[1];
+    for (int i = 0; i < sweep->count && sweep->level->outside; ++i) {
+        const int up = sweep->directions[i]->step[1];
+        if (up != 0) spsi_cell_row_border(sweep, i, up > 0 ? -1 : rows, z);
     }
+    for (int n = 0; n < rows; ++n) spsi_cell_sweep_row_at(sweep, sweep->falls ? rows - 1 - n : n, z);
 }
 
+/* Sweeps one part, or two, plane by plane: both read the same cells. */
 static void spsi_cells_sweep_task(void *data, int index) {
     const spsi_cell_level *level = (const spsi_cell_level *)data;
-    const int planes = level->size[2], before = index ? -1 : planes;
-    spsi_cell_sweep sweep;
-    spsi_cell_sweep_begin(level, index, &sweep);
-    for (int i = 0; i < sweep.count && level->outside; ++i)
-        for (int y = -1; y <= level->size[1]; ++y) spsi_cell_row_border(&sweep, i, y, before);
-    for (int n = 0; n < planes; ++n) spsi_cell_sweep_plane(&sweep, index, index ? n : planes - 1 - n);
+    const int planes = level->size[2], rises = index % 2, parts = SPSI_CELL_PARTS / level->solver->tasks;
+    spsi_cell_sweep sweeps[2];
+    for (int part = 0; part < parts; ++part) {
+        spsi_cell_sweep *sweep = &sweeps[part];
+        spsi_cell_sweep_begin(level, index + 2 * part, sweep);
+        for (int i = 0; i < sweep->count && level->outside; ++i)
+            for (int y = -1; y <= level->size[1]; ++y) spsi_cell_row_border(sweep, i, y, rises ? -1 : planes);
+    }
+    for (int n = 0; n < planes; ++n)
+        for (int part = 0; part < parts; ++part)
+            spsi_cell_sweep_plane(&sweeps[part], rises ? n : planes - 1 - n);
 }
 
-/* Sums both sweeps' moments in a plane. */
+/* Sums all parts' moments in a plane, in the same order for any number of tasks. */
 static void spsi_cells_add_task(void *data, int z) {
     const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t plane = (size_t)(level->size[1] * level->pitch);
     for (int t = 0; t < level->solver->taken; ++t) {
         float *sum = level->moments[0] + (size_t)t * level->count + (size_t)z * plane;
-        const float *more = level->moments[1] + (size_t)t * level->count + (size_t)z * plane;
-        for (size_t at = 0; at < plane; at += SPSI_LANES)
-            spsi_store(sum + at, spsi_add(spsi_load(sum + at), spsi_load(more + at)));
+        for (size_t at = 0; at < plane; at += SPSI_LANES) {
+            spsi_v part[SPSI_CELL_PARTS];
+            for (int i = 0; i < level->solver->tasks; ++i)
+                part[i] = spsi_load(level->moments[i] + (size_t)t * level->count + (size_t)z * plane + at);
+            for (int i = 2; i < level->solver->tasks; ++i) part[i - 2] = spsi_add(part[i - 2], part[i]);
+            spsi_store(sum + at, spsi_add(part[0], part[1]));
+        }
     }
 }
 
 SPSI_COLD void spsi_cells_sweep(spsi_cell_level *level) {
-    spsi_parallel_items(level->solver->context, 2, spsi_cells_sweep_task, level);
+    spsi_parallel_items(level->solver->context, level->solver->tasks, spsi_cells_sweep_task, level);
     spsi_parallel_items(level->solver->context, level->size[2], spsi_cells_add_task, level);
 }
 
@@ -23265,7 +23282,7 @@ SPSI_COLD int spsi_cells_along(const spsi_frame *frame, const spsi_bounds *bound
     int across = (int)spsi_dmax(most, spsi_dmin(most / cbrt(spsi_dmax(volume, DBL_MIN)), SPSI_CELL_SIDE_MOST));
     if (spsi_cells_are_set(frame)) return most;
     while (across > most && spsi_cells_place(bounds, across, &grid) &&
-           (double)grid.size[0] * grid.size[1] * grid.size[2] > pow(most, 3))
+           (double)grid.size[0] * grid.size[1] * grid.size[2] > (double)most * most * most)
         across -= 1;
     return across;
 }
@@ -23279,12 +23296,12 @@ SPSI_COLD double spsi_finest_voxel(const spsi_frame *frame) {
 
 #define SPSI_CELL_DEPTH  30 /* optical depth that calls for as many default cells as the quality has */
 #define SPSI_CELL_PIXELS 2  /* least width of default cells in medium quality */
-#define SPSI_CELL_SHORT  8  /* default cells across the shortest side, if there is room */
+#define SPSI_CELL_SHORT  8  /* least default cells across the shortest side, if there is room; most: twice as many */
 
 /* Cells along the longest side. They must resolve the optical depth along it, at the medium's mean extinction weighted
    by mass: their number grows with its root. Emission also calls for cells as small as voxels, however few its pixels:
    its light falls on other things. Otherwise, cells need not be smaller than two pixels at the gas's middle; for
-   probes, there are no pixels. Multiples of 4 keep most moving cameras' cells. */
+   probes, there are no pixels. Multiples of 4 keep most moving cameras' cells. `row`: least for the shortest side. */
 SPSI_COLD int spsi_cells_across(const spsi_frame *frame, const spsi_gas_group *group) {
     const int most = frame->view.scattering_resolution, least = frame->accuracy.cells_least;
     const double longest = spsi_bounds_longest(&group->bounds);
@@ -23302,7 +23319,8 @@ SPSI_COLD int spsi_cells_across(const spsi_frame *frame, const spsi_gas_group *g
         const double pixel = spsi_pixel_size_at(eye, spsi_length(to) / spsi_length(eye->c));
         if (pixel > 0) wanted = spsi_dmin(wanted, most / 44.0 / SPSI_CELL_PIXELS * longest / pixel);
     }
-    wanted = spsi_dmax(spsi_dmax(least, 4 * ceil(0.25 * wanted)), ceil(SPSI_CELL_SHORT * longest / shortest - 1e-6));
+    const double row = ceil(SPSI_CELL_SHORT * longest / shortest - 1e-6);
+    wanted = spsi_dmax(row, spsi_dmin(spsi_dmax(least, 4 * ceil(0.25 * wanted)), spsi_dmax(most, 2 * row)));
     return (int)spsi_dmin(wanted, spsi_cells_along(frame, &group->bounds));
 }
 
@@ -24388,14 +24406,16 @@ SPSI_COLD size_t spsi_cell_level_lay_out(const spsi_cell_grid *grid, spsi_cell_l
     level->given = spsi_lay(memory, &laid, terms);
     level->sent = spsi_lay(memory, &laid, terms);
     for (int i = 0; i < 2; ++i) level->last[i] = level == level->solver->levels ? spsi_lay(memory, &laid, terms) : NULL;
-    for (int i = 0; i < 2; ++i)
+    for (int i = 0; i < level->solver->tasks; ++i)
         level->moments[i] = spsi_lay(memory, &laid, (size_t)spsi_imax(grid->terms, grid->flux_terms) * level->count);
     return (size_t)laid;
 }
 
 /* Levels are halved until no side exceeds four cells. */
-SPSI_COLD size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver *solver) {
+SPSI_COLD size_t spsi_cell_solver_size(const sps_context *context, const spsi_cell_grid *grid,
+                                       spsi_cell_solver *solver) {
     size_t floats = 0;
+    solver->tasks = spsi_worker_count(context) > 2 ? SPSI_CELL_PARTS : 2;
     solver->orders = grid->orders;
     solver->terms = solver->taken = grid->terms;
     for (solver->level_count = 0; solver->level_count < SPSI_CELL_LEVELS;) {
@@ -24412,7 +24432,7 @@ SPSI_COLD size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_sol
         floats += spsi_cell_level_lay_out(grid, level, NULL);
         if (longest <= 4) break;
     }
-    return floats + 2 * spsi_cell_sweep_floats(&solver->levels[0]) + 4 * (size_t)grid->size[2] + 2;
+    return floats + SPSI_CELL_PARTS * spsi_cell_sweep_floats(&solver->levels[0]) + 4 * (size_t)grid->size[2] + 2;
 }
 
 SPSI_COLD sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_grid *grid,
@@ -24421,7 +24441,7 @@ SPSI_COLD sps_result spsi_cell_solver_build(sps_context *context, const spsi_cel
     solver->context = context;
     spsi_cell_directions(solver->directions);
     spsi_cell_rays_build(&solver->rays);
-    size_t floats = spsi_cell_solver_size(grid, solver);
+    size_t floats = spsi_cell_solver_size(context, grid, solver);
     float *memory = SPSI_RESERVE(context, SPSI_BUFFER_CELL_SOLVER, floats, float);
     if (!memory) return context->result;
     solver->balance = (double *)(void *)memory;

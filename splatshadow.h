@@ -18692,11 +18692,11 @@ static void spsi_cell_centre(const spsi_cell_grid *grid, int x, int y, int z, do
 /* --- one sweep --- */
 
 #define SPSI_CELL_PAD   spsi_imax(2, SPSI_LANES) /* floats between rows, for the radiance at both ends */
-#define SPSI_CELL_PARTS 4                         /* of a sweep, by sense of z, then of y */
+#define SPSI_CELL_PARTS 4                         /* parts of a sweep, by sense of z, then of y */
 #define SPSI_CELL_SWEPT 13                        /* maximum directions per part */
 
 /* A part of a sweep, along +z or -z and +y or -y: half of the directions of that sense of z, and of the 8 with constant
-   z. Those that leave no cell for another of the same plane may be swept by either sense of y. */
+   z. Directions that lead from plane to plane only may be swept by either sense of y. */
 typedef struct spsi_cell_sweep {
     const spsi_cell_level *level;
     const spsi_cell_direction *directions[SPSI_CELL_SWEPT];
@@ -24637,12 +24637,12 @@ static void spsi_cell_patch_trim(const spsi_cell_job *job, int patch) {
     const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
     const float *own = grid->patches + patch;
     spsi_cell_view view = {job->faces, grid, {0, 0, 0}, {0, 0, 0}};
-    double end[2][2]; /* in cells */
+    double end[2][2]; /* unit: cells */
     for (int n = 0; n < 4; ++n)
         end[n / 2][n % 2] = (double)(own[along[n / 2] * SPSI_CELL_SHEET] +
                                      ((float)(n % 2) - 0.5f) * own[(4 + n / 2) * SPSI_CELL_SHEET]) / grid->edge;
     for (int i = 0; i < 2; ++i) {
-        const int falls = end[i][0] + end[i][1] < grid->size[along[i]], step = falls ? -1 : 1; /* from the middle */
+        const int falls = end[i][0] + end[i][1] < grid->size[along[i]], step = falls ? -1 : 1; /* outward */
         const double inner = end[i][falls], outer = end[i][!falls];
         const int first = (int)(falls ? ceil(inner - 0.5) : floor(inner - 0.5)), last = (int)(outer - 0.01 * !falls);
         double reach = inner;

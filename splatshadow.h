@@ -18922,13 +18922,14 @@ static void spsi_cells_add_task(void *data, int z) {
     const spsi_cell_level *level = (const spsi_cell_level *)data;
     const size_t plane = (size_t)(level->size[1] * level->pitch);
     for (int t = 0; t < level->solver->taken; ++t) {
-        float *sum = level->moments[0] + (size_t)t * level->count + (size_t)z * plane;
-        for (size_t at = 0; at < plane; at += SPSI_LANES) {
-            spsi_v part[SPSI_CELL_PARTS];
-            for (int i = 0; i < level->solver->tasks; ++i)
-                part[i] = spsi_load(level->moments[i] + (size_t)t * level->count + (size_t)z * plane + at);
-            for (int i = 2; i < level->solver->tasks; ++i) part[i - 2] = spsi_add(part[i - 2], part[i]);
-            spsi_store(sum + at, spsi_add(part[0], part[1]));
+        const size_t first = (size_t)t * level->count + (size_t)z * plane;
+        for (size_t at = first; at < first + plane; at += SPSI_LANES) {
+            spsi_v falling = spsi_load(level->moments[0] + at), rising = spsi_load(level->moments[1] + at);
+            if (level->solver->tasks > 2) {
+                falling = spsi_add(falling, spsi_load(level->moments[2] + at));
+                rising = spsi_add(rising, spsi_load(level->moments[3] + at));
+            }
+            spsi_store(level->moments[0] + at, spsi_add(falling, rising));
         }
     }
 }

@@ -16381,8 +16381,7 @@ SPSI_COLD void spsi_light_tmap_bytes(const spsi_frame *frame, const spsi_light *
 /* ============================================================================================ >>penumbrae
    25 Penumbrae of media. An area light is sampled at K points. Media are splatted once, along the rays of its centre;
    each point stores only optical depth, in texels of its own rays. Depths are never resampled, so no blur accumulates.
-   Slabs are parallel, so a plane maps a point's texel u to the centre's x, with
-   L linear in u.
+   Slabs are parallel, so a plane maps a point's texel u to the centre's x, with L linear in u.
          x = (u + d L)/(1 + d_t L).
    d is the offset from centre to point in texels. For directional lights, L counts slabs, and d is the shift per slab.
    A step of n slabs, a power of 2, adds its sheets at once; beams move sideways by at most a texel in it.
@@ -26325,16 +26324,21 @@ SPSI_COLD void spsi_candidates_order(const spsi_rates *pace, spsi_candidate *can
 #define SPSI_BETTER      0.9 /* a change must reach this fraction of error or seconds */
 #define SPSI_STEADY      20  /* frames with at most one change */
 
-/* Share of a candidate's time that the budget must cover, so that cells are made which later frames hold: none if these
-   are made in each frame; half in the second frame and in motion; a quarter if nothing moves, or to leave a miss. */
-SPSI_COLD double spsi_candidate_share(const spsi_rates *pace, const sps_view *view, int frames,
-                                      const spsi_candidate *held, const spsi_candidate *one) {
-    const int still = pace->shown[0] != 0 && pace->shown[0] == pace->shown[1];
-    const int leaves = held->seconds > view->budget_seconds && one->seconds - one->making < SPSI_BETTER * held->seconds;
-    if (!held->is_held || held->making > 0 || (frames != 1 && frames != 3)) return 1;
-    return frames == 3 && (still || leaves) ? 0.25 : 0.5;
+/* True if the picture would be that of the frame before. */
+SPSI_COLD int spsi_nothing_moves(const spsi_rates *pace) {
+    return pace->shown[0] != 0 && pace->shown[0] == pace->shown[1];
 }
 
+/* Minimum share of a candidate's time that the budget must cover; the rest may make cells that later frames hold. Half
+   in the second frame and in motion; a quarter if nothing moves, or to leave a miss; all if each frame makes cells. */
+SPSI_COLD double spsi_candidate_share(const spsi_rates *pace, const sps_view *view, int frames,
+                                      const spsi_candidate *held, const spsi_candidate *one) {
+    const int leaves = held->seconds > view->budget_seconds && one->seconds - one->making < SPSI_BETTER * held->seconds;
+    if (!held->is_held || held->making > 0 || (frames != 1 && frames != 3)) return 1;
+    return frames == 3 && (spsi_nothing_moves(pace) || leaves) ? 0.25 : 0.5;
+}
+
+/* Sets what candidates cost a budget: their time with a margin, without the part for later frames. */
 SPSI_COLD void spsi_candidates_charge(const spsi_rates *pace, const sps_view *view, int frames,
                                       spsi_candidate *candidates) {
     const spsi_candidate *held = &candidates[spsi_candidate_number(&pace->held)];
@@ -26371,7 +26375,7 @@ SPSI_COLD int spsi_budget_keeps(const spsi_rates *pace, const sps_view *view, co
     const int misses = timed ? held->seconds > view->budget_seconds : held->error > view->budget_error;
     if (!held->exists || (misses && !timed)) return 0;
     if (pace->wait > 0) return 1;
-    if (pace->shown[0] != 0 && pace->shown[0] == pace->shown[1] && best->error >= held->error) return 1;
+    if (spsi_nothing_moves(pace) && best->error >= held->error) return 1;
     if (misses && best->charge > view->budget_seconds) return best->charge > SPSI_BETTER * held->charge;
     return !misses && (timed ? best->error > SPSI_BETTER * held->error : best->seconds > SPSI_BETTER * held->seconds);
 }

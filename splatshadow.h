@@ -24630,13 +24630,31 @@ static void spsi_cells_radiance(const spsi_cell_solver *solver, const spsi_v fro
     }
 }
 
+/* Where a polygon cuts a line of cells, from cell `at` outward along an axis to cell `last`; if none does, `end`. */
+static double spsi_cell_line_cut(const spsi_cell_job *job, int at[3], int axis, int step, int last, double end) {
+    const spsi_cell_grid *grid = job->grid;
+    spsi_cell_view view = {job->faces, grid, {0, 0, 0}, {0, 0, 0}};
+    int link[3] = {0, 0, 0};
+    link[axis] = -step;
+    const int number = spsi_cell_link(link[0], link[1], link[2]);
+    for (; (last - at[axis]) * step >= 0; at[axis] += step) {
+        const uint32_t closed = job->walls[(at[2] * grid->size[1] + at[1]) * grid->pitch + at[0]].closed;
+        spsi_ray ray;
+        spsi_hit hit;
+        spsi_cell_view_move(&view, at[0], at[1], at[2]);
+        if (spsi_cell_view_ray(&view, link, &ray) && !(closed >> number & 1)) continue;
+        if (spsi_ray_to_opaque(job->faces, -1, &ray, &hit))
+            return (view.centre[axis] - grid->corner[axis]) / grid->edge + step * ray.high;
+    }
+    return end;
+}
+
 /* Trims a patch where polygons cut all of its lines of cells off from the side's middle. */
 static void spsi_cell_patch_trim(const spsi_cell_job *job, int patch) {
     const spsi_cell_grid *grid = job->grid;
     const int side = spsi_cell_patch_side(patch), axis = side / 2;
     const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
     const float *own = grid->patches + patch;
-    spsi_cell_view view = {job->faces, grid, {0, 0, 0}, {0, 0, 0}};
     double end[2][2]; /* unit: cells */
     for (int n = 0; n < 4; ++n)
         end[n / 2][n % 2] = (double)(own[along[n / 2] * SPSI_CELL_SHEET] +
@@ -24646,24 +24664,12 @@ static void spsi_cell_patch_trim(const spsi_cell_job *job, int patch) {
         const double inner = end[i][falls], outer = end[i][!falls];
         const int first = (int)(falls ? ceil(inner - 0.5) : floor(inner - 0.5)), last = (int)(outer - 0.01 * !falls);
         double reach = inner;
-        int at[3] = {0, 0, 0}, link[3] = {0, 0, 0};
-        at[axis] = side % 2 ? grid->size[axis] - 1 : 0;
-        link[along[i]] = -step;
-        const int number = spsi_cell_link(link[0], link[1], link[2]);
         for (int line = (int)end[!i][0]; line < end[!i][1] - 0.01; ++line) {
-            double cut = outer;
-            spsi_ray ray;
-            spsi_hit hit;
+            int at[3];
+            at[axis] = side % 2 ? grid->size[axis] - 1 : 0;
             at[along[!i]] = line;
-            for (at[along[i]] = first; (last - at[along[i]]) * step >= 0; at[along[i]] += step) {
-                spsi_cell_view_move(&view, at[0], at[1], at[2]);
-                if (spsi_cell_view_ray(&view, link, &ray) &&
-                    !(job->walls[(at[2] * grid->size[1] + at[1]) * grid->pitch + at[0]].closed >> number & 1))
-                    continue;
-                if (!spsi_ray_to_opaque(job->faces, -1, &ray, &hit)) continue;
-                cut = (view.centre[along[i]] - grid->corner[along[i]]) / grid->edge + step * ray.high;
-                break;
-            }
+            at[along[i]] = first;
+            const double cut = spsi_cell_line_cut(job, at, along[i], step, last, outer);
             if ((cut - reach) * step > 0) reach = cut;
         }
         if ((reach - inner) * step > 0 && (outer - reach) * step > 0) end[i][!falls] = reach;

@@ -239,9 +239,10 @@ build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h examples/sha
 	@$(call sized,$(1))$$(call run,$(1).$$*,$$(COMPILE_$(1)) -Wall $$(INCLUDES) -Iexamples -Itests $$< -o build/tests/$(1).$$* $$(LIBRARIES) && build/tests/$(1).$$*)
 endef
 
+# At -O2, gcc sees variables that may be unset: it warns of more than syntax checks and -O0 do.
 .PRECIOUS: build/tests/%.code.o
 build/tests/%.code.o: build/tests/weak.h build/tests/open.h
-	@$(COMPILE_$*) $(OPTIMIZE_$*) -w -DSPLATSHADOW_IMPLEMENTATION $(if $(filter cpp,$*),,-x c) -c $(or $(HEADER_$*),$<) -o $@
+	@$(COMPILE_$*) $(OPTIMIZE_$*) $(if $(filter native plain,$*),-Wall -Wextra -Werror,-w) -DSPLATSHADOW_IMPLEMENTATION $(if $(filter cpp,$*),,-x c) -c $(or $(HEADER_$*),$<) -o $@
 
 define split_rules
 build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h examples/shaders/*) $(call code,$(1)) build/tests/faces/splatshadow.h

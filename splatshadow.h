@@ -99,7 +99,7 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
                                  no clock, and progress_fn is called during and after every task
     SPS_ALLOW_FAST_MATH          allows -ffast-math, -ffinite-math-only and /fp:fast, otherwise an #error. With them,
                                  invalid data goes unnoticed, and polygons may show gaps
-    SPS_NO_SIMD                  plain C; the default is the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the
+    SPS_NO_SIMD                  plain C; the default is the widest of AVX-512, AVX2+FMA, SSE2, NEON and wasm that the
                                  compiler targets (-march=native, /arch:AVX2, ...)
 
 MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs about
@@ -1329,6 +1329,9 @@ typedef __m128 spsi_m;
 #elif !defined(SPS_NO_SIMD) && (defined(__ARM_NEON) && defined(__aarch64__) || defined(_M_ARM64))
 #define SPSI_SIMD_NEON
 #include <arm_neon.h>
+#elif !defined(SPS_NO_SIMD) && defined(__wasm_simd128__)
+#define SPSI_SIMD_WASM
+#include <wasm_simd128.h>
 #endif
 
 #ifdef SPSI_X86
@@ -1461,6 +1464,48 @@ static inline void spsi_fours(const float *table, const int *at, spsi_v four[4])
         four[2 * i] = pair.val[0];
         four[2 * i + 1] = pair.val[1];
     }
+}
+
+#elif defined(SPSI_SIMD_WASM)
+#define SPSI_LANES 4
+typedef v128_t spsi_v;
+typedef v128_t spsi_m;
+static inline spsi_v spsi_set(float a) { return wasm_f32x4_splat(a); }
+static inline spsi_v spsi_load(const float *p) { return wasm_v128_load(p); }
+static inline void spsi_store(float *p, spsi_v a) { wasm_v128_store(p, a); }
+static inline spsi_v spsi_add(spsi_v a, spsi_v b) { return wasm_f32x4_add(a, b); }
+static inline spsi_v spsi_sub(spsi_v a, spsi_v b) { return wasm_f32x4_sub(a, b); }
+static inline spsi_v spsi_mul(spsi_v a, spsi_v b) { return wasm_f32x4_mul(a, b); }
+static inline spsi_v spsi_div(spsi_v a, spsi_v b) { return wasm_f32x4_div(a, b); }
+static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return wasm_f32x4_add(wasm_f32x4_mul(a, b), c); }
+/* pmin and pmax are one instruction on x86; like it, they return the second operand where one is NaN. */
+static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return wasm_f32x4_pmin(b, a); }
+static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return wasm_f32x4_pmax(b, a); }
+static inline spsi_v spsi_sqrt(spsi_v a) { return wasm_f32x4_sqrt(a); }
+static inline spsi_v spsi_round(spsi_v a) { return wasm_f32x4_nearest(a); }
+static inline spsi_v spsi_floor(spsi_v a) { return wasm_f32x4_floor(a); }
+static inline spsi_v spsi_pow2(spsi_v n) {
+    return wasm_i32x4_shl(wasm_i32x4_add(wasm_i32x4_trunc_sat_f32x4(n), wasm_i32x4_splat(127)), 23);
+}
+static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return wasm_f32x4_lt(a, b); }
+static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return wasm_v128_and(a, b); }
+static inline int spsi_bits(spsi_m m) { return (int)wasm_i32x4_bitmask(m); }
+static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return wasm_v128_bitselect(a, b, m); }
+static inline void spsi_store_int(int *p, spsi_v a) {
+    wasm_v128_store(p, wasm_i32x4_trunc_sat_f32x4(wasm_f32x4_nearest(a)));
+}
+static inline spsi_v spsi_iota(void) { return wasm_f32x4_make(0, 1, 2, 3); }
+static inline void spsi_fours(const float *table, const int *at, spsi_v four[4]) {
+    spsi_v r[4], low[2], high[2];
+    for (int i = 0; i < 4; ++i) r[i] = wasm_v128_load(table + 4 * at[i]);
+    for (int i = 0; i < 2; ++i) {
+        low[i] = wasm_i32x4_shuffle(r[2 * i], r[2 * i + 1], 0, 4, 1, 5);
+        high[i] = wasm_i32x4_shuffle(r[2 * i], r[2 * i + 1], 2, 6, 3, 7);
+    }
+    four[0] = wasm_i64x2_shuffle(low[0], low[1], 0, 2);
+    four[1] = wasm_i64x2_shuffle(low[0], low[1], 1, 3);
+    four[2] = wasm_i64x2_shuffle(high[0], high[1], 0, 2);
+    four[3] = wasm_i64x2_shuffle(high[0], high[1], 1, 3);
 }
 
 #else
@@ -15259,7 +15304,7 @@ typedef struct spsi_fitting {
 } spsi_fitting;
 
 /* Lays out a worker's memory (NULL: only counts). Deep maps only sort. */
-static size_t spsi_fitting_lay_out(const spsi_filling *filling, float *memory, spsi_fitting *fitting) {
+static uint64_t spsi_fitting_lay_out(const spsi_filling *filling, float *memory, spsi_fitting *fitting) {
     const int sorts_only = filling->map->settings.technique == SPS_TMAP_DEEP;
     const uint64_t most = filling->band.most; /* pieces: per span between interval ends */
     const uint64_t pieces = filling->occluders->frame->particles.has_soft ? SPSI_SOFT_MOST : 1;
@@ -15267,7 +15312,7 @@ static size_t spsi_fitting_lay_out(const spsi_filling *filling, float *memory, s
     const uint64_t nodes = (uint64_t)spsi_compressed_most((int)curve, filling->epsilon);
     const uint64_t intervals = sorts_only ? most / 2 : SPSI_CURVE_SCRATCH(most);
     const size_t node = sizeof(spsi_node) / sizeof(float);
-    size_t laid = 0;
+    uint64_t laid = 0;
     fitting->filling = filling;
     fitting->intervals =
         (spsi_interval *)(void *)spsi_lay(memory, &laid, sizeof(spsi_interval) / sizeof(float) * intervals);
@@ -15374,9 +15419,9 @@ SPSI_COLD sps_result spsi_fill_fits(spsi_filling *filling) {
     if (filling->band.most > INT32_MAX / (8 * (SPSI_SOFT_MOST + 1)) && map->settings.technique != SPS_TMAP_DEEP)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "intervals in a texel",
                                (double)filling->band.most, "a million can be fitted");
-    filling->scratch_floats = spsi_fitting_lay_out(filling, NULL, &fitting);
-    filling->scratch = (float *)spsi_reserve(context, SPSI_BUFFER_CURVES, (size_t)spsi_worker_count(context),
-                                             filling->scratch_floats * sizeof(float));
+    const uint64_t floats = spsi_fitting_lay_out(filling, NULL, &fitting);
+    filling->scratch_floats = (size_t)floats;
+    filling->scratch = spsi_floats_reserve(context, SPSI_BUFFER_CURVES, (uint64_t)spsi_worker_count(context) * floats);
     if (!filling->scratch) return context->result;
     filling->has_sizes = 0;
     const int tasks = filling->band.tiles_x * spsi_filling_height(filling);
@@ -28215,8 +28260,8 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
 }
 
 /* `memory` NULL: only counts. */
-static size_t spsi_grids_lay_out(const spsi_frame *frame, float *memory, spsi_dense *grids) {
-    size_t laid = 0;
+static uint64_t spsi_grids_lay_out(const spsi_frame *frame, float *memory, spsi_dense *grids) {
+    uint64_t laid = 0;
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_lattice *lattice = frame->media[i].lattice;
         spsi_dense *grid = &grids[i];
@@ -28242,13 +28287,13 @@ static size_t spsi_grids_lay_out(const spsi_frame *frame, float *memory, spsi_de
 }
 
 SPSI_COLD sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame, spsi_marcher *marcher) {
-    const size_t floats = spsi_grids_lay_out(frame, NULL, marcher->grids);
+    const uint64_t floats = spsi_grids_lay_out(frame, NULL, marcher->grids);
     float *memory;
     if (floats > SIZE_MAX / 8)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_SCENE, -1, "volumes' number of voxels",
                                (double)floats,
                                "sps_reference holds all of them, and they are more than memory can have");
-    memory = SPSI_RESERVE(context, SPSI_BUFFER_REFERENCE_VALUES, floats + 1, float);
+    memory = SPSI_RESERVE(context, SPSI_BUFFER_REFERENCE_VALUES, (size_t)floats + 1, float);
     if (!memory) return context->result;
     spsi_grids_lay_out(frame, memory, marcher->grids);
     for (int i = 0; i < frame->medium_count; ++i)

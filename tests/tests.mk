@@ -222,7 +222,7 @@ objects: $(foreach c,$(filter native,$(READY)) $(filter-out native,$(filter $(SP
 run-tests: $(INSTALL_CHECKS_THERE:%=build/tests/install.%.log) $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
 	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) $(READY_STEPS) \
 	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log build/tests/cases.log build/tests/names.log \
-	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log build/tests/header.no_reference.log $(if $(STB_THERE),build/tests/header.migrate.log)) build/tests/header.empty.log $(if $(TCC_THERE),build/tests/header.tcc.log) \
+	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log build/tests/header.no_reference.log $(if $(STB_THERE),build/tests/header.migrate.log)) build/tests/header.empty.log $(if $(filter clang,$(THERE)),build/tests/header.bits32.log) $(if $(TCC_THERE),build/tests/header.tcc.log) \
 	$(if $(filter gcc,$(THERE)),build/tests/dispatch.log) $(SHADER_COMPILERS_THERE:%=build/tests/shaders.%.log)
 endif
 
@@ -285,6 +285,12 @@ build/tests/header.migrate.log: docs/migrate.awk docs/changelog.md splatshadow.h
 		awk -f docs/migrate.awk docs/changelog.md $$f | sed '/define SPLATSHADOW_IMPLEMENTATION/d' > build/tests/migrated/$${f##*/} && \
 		gcc $(STANDARD) $(WARNINGS_C) -Werror -Wno-missing-field-initializers $(INCLUDES) -Iexamples -fsyntax-only build/tests/migrated/$${f##*/} || exit 1; \
 		done) && $(ONE_PASSED))
+
+# Where size_t has 32 bits, it is another type than uint64_t. Of glibc, a header of 32-bit stubs may be missing.
+build/tests/header.bits32.log: splatshadow.h
+	@$(call run,header.bits32,(mkdir -p build/tests/bits32/gnu && : > build/tests/bits32/gnu/stubs-32.h && \
+		clang --target=i686-linux-gnu $(STANDARD) -msse2 -Wall -Wextra -Wpedantic -Werror -Ibuild/tests/bits32 \
+		-isystem /usr/include/$$(gcc -print-multiarch) -DSPLATSHADOW_IMPLEMENTATION -x c -fsyntax-only $<) && $(ONE_PASSED))
 
 # Every public struct is initialised empty, in the manner of C++ and of C, without a warning.
 EMPTY = printf '\#include "splatshadow.h"\n'; awk '/^typedef struct sps_[a-z_]* [{]/ { \

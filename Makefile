@@ -15,6 +15,7 @@
 # make accuracy-quick  the scenes with a closed form and two knobs of it, in half a minute; SCENE=name: all of that scene
 # make prices      the README's table: error and time of six scenes in the default mode
 # make build/libsplatshadow.a  the library for every processor of a kind, chosen when a program runs: examples/dispatch.c
+# make web         a page that renders in the browser, build/web/splatshadow.html; make test-web tries it in Chromium
 # make uses        seconds and bytes of what a program compiles that calls only some functions
 # make headline    a scene at three settings, docs/price.png, and the error and time of each
 # make accuracy-tables  that page's tables of error against time of single effects
@@ -80,6 +81,37 @@ build/%: examples/%.c $(HEADERS) build/splatshadow.o | build build/tutorial
 
 build $(GALLERY) build/tests build/tutorial:
 	mkdir -p $@
+
+# ------------------------------------------------------------------------------------------------- in the browser
+
+# clang 14 miscompiles vectors for wasm, so a newer one is taken. Another: make web WASM_CC=name
+WASM_CC ?= clang-19
+WASM_PACKAGES = clang-19 lld-19 libclang-rt-19-dev-wasm32 wasi-libc
+WASM_LICENCES ?= /usr/share/doc/wasi-libc/copyright
+WASM_FLAGS = --target=wasm32-wasi -mexec-model=reactor -O3 -msimd128 -Wl,--max-memory=1073741824,-z,stack-size=1048576,--strip-all
+
+.PHONY: web test-web
+web:
+	@command -v $(WASM_CC) >/dev/null && test -f $(WASM_LICENCES) || { $(call fetch,$(WASM_PACKAGES)); }
+	@command -v $(WASM_CC) >/dev/null || { echo "no compiler for wasm: install $(WASM_PACKAGES)"; exit 1; }
+	@$(MAKE) -s --no-print-directory build/web/splatshadow.html
+	@echo "Open build/web/splatshadow.html in a browser."
+
+build/web/splatshadow.wasm: examples/web/web.c $(HEADERS)
+	@mkdir -p build/web
+	$(WASM_CC) $(STANDARD) $(WASM_FLAGS) -Wall -Wextra -I. $< -o $@ -lm
+
+# The parts stand where the page names them; licences are those of the C library and what it is made of.
+build/web/splatshadow.html: examples/web/page.html examples/web/page.js build/web/splatshadow.wasm
+	base64 build/web/splatshadow.wasm > build/web/wasm.txt
+	{ sed -n '/^.. =* >>licence/,$$p' splatshadow.h; cat $(WASM_LICENCES); } | sed 's/&/\&amp;/g; s/</\&lt;/g' > build/web/licences.txt
+	awk 'function insert(file,  line) { while ((getline line < file) > 0) print line } \
+		match($$0, /@[A-Z]+@/) { printf "%s", substr($$0, 1, RSTART - 1); part = substr($$0, RSTART, RLENGTH); \
+			insert(part == "@WASM@" ? "build/web/wasm.txt" : part == "@SCRIPT@" ? "examples/web/page.js" : "build/web/licences.txt"); \
+			print substr($$0, RSTART + RLENGTH); next } { print }' examples/web/page.html > $@
+
+test-web: web
+	@sh tests/web.sh
 
 # ---------------------------------------------------------------------------------------------------- pictures
 

@@ -10,7 +10,15 @@
 #include "blosc.h"
 #include "volume.h"
 
+#ifndef __wasm__
 #include <pthread.h>
+#else /* one thread, and no header of others */
+typedef int pthread_mutex_t;
+static inline void pthread_mutex_init(pthread_mutex_t *mutex, const void *attributes) { (void)attributes, *mutex = 0; }
+static inline void pthread_mutex_lock(pthread_mutex_t *mutex) { *mutex += 1; }
+static inline void pthread_mutex_unlock(pthread_mutex_t *mutex) { *mutex -= 1; }
+static inline void pthread_mutex_destroy(const pthread_mutex_t *mutex) { (void)mutex; }
+#endif
 
 enum { EX_LEAF_VOXELS = 512, EX_LOWER_SLOTS = 4096, EX_UPPER_SLOTS = 32768 };
 enum { EX_LEAF_BITS = 3, EX_LOWER_BITS = 7, EX_UPPER_BITS = 12 }; /* log2 of voxels along an edge */

@@ -54,7 +54,7 @@ C++11 without exceptions and RTTI|g++ -x c++ -std=c++11 -O2 -fno-exceptions -fno
 32-bit x86, x87, plain C|i686-linux-gnu-gcc -static $C99 -O2||gcc-i686-linux-gnu libc6-dev-i386-cross
 Windows, 64 bits, mingw|x86_64-w64-mingw32-gcc -static $C99 -O2|wine|gcc-mingw-w64-x86-64 wine wine64
 wasm|clang $C99 -O2 $WASI|node --no-warnings $BUILD/wasi.mjs|clang lld wasi-libc libclang-rt-14-dev-wasm32 nodejs
-wasm, SIMD by the compiler, no SLP|clang $C99 -O3 -msimd128 -fno-slp-vectorize $WASI|node --no-warnings $BUILD/wasi.mjs|clang lld wasi-libc libclang-rt-14-dev-wasm32 nodejs
+wasm, SIMD|clang-19 $C99 -O3 -msimd128 $WASI|node --no-warnings $BUILD/wasi.mjs|clang-19 lld-19 wasi-libc libclang-rt-19-dev-wasm32 nodejs
 aarch64, NEON|aarch64-linux-gnu-gcc -static $C99 -O2|qemu-aarch64|gcc-aarch64-linux-gnu libc6-dev-arm64-cross qemu-user
 armhf, NEON|arm-linux-gnueabihf-gcc -static $C99 -O2 -mfpu=neon|qemu-arm|gcc-arm-linux-gnueabihf libc6-dev-armhf-cross qemu-user
 armhf, plain C|arm-linux-gnueabihf-gcc -static $C99 -O2 -DSPS_NO_SIMD|qemu-arm|gcc-arm-linux-gnueabihf libc6-dev-armhf-cross qemu-user

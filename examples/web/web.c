@@ -1,0 +1,545 @@
+/* The renderer behind page.html, compiled to WebAssembly without threads: scenes, frames within a budget, and the error
+   of a still picture at some of its pixels. JavaScript calls the functions named web_*; a native build has the same. */
+
+#define SPLATSHADOW_IMPLEMENTATION
+#include "splatshadow.h"
+
+#include <time.h>
+
+#include "../blackbody.h"
+#include "../densities.h"
+#include "../nvdb.h"
+#include "../vdb.h"
+#include "../volume_file.h"
+
+#ifdef __wasm__
+#define WEB_CALL(name) __attribute__((export_name(#name))) name
+/* 1: input is waiting, so the call in progress is to be cancelled. */
+__attribute__((import_module("page"), import_name("pending"))) int page_pending(void);
+#else
+#define WEB_CALL(name) name
+static int page_pending(void) { return 0; }
+#endif
+
+enum { BLOB, SMOKE, CLOUD, FIRE, SCAN, PARTICLES, DROPPED };
+enum { SAMPLED = 24, PARTICLE_COUNT = 20000, LARGEST_FILE = 400000000 };
+
+/* Contexts: of moving pictures, and of still ones and what is measured. Each keeps its own voxels and cells. */
+enum { MOVING, STILL, CONTEXTS };
+
+typedef struct web_state {
+    sps_context *contexts[CONTEXTS];
+    sps_scene scene;
+    sps_volume volumes[2];
+    sps_grid grids[2];
+    float *voxels[2];
+    sps_mesh ground;
+    sps_particles set;
+    sps_particle *particles;
+    sps_light light;
+    sps_transfer transfer;
+    sps_transfer_point points[EX_TEMPERATURE_POINTS];
+    ex_grid dense;    /* of a dropped file */
+    ex_sparse sparse; /* likewise; its size is 0 if the file is dense */
+    double centre[3], distance, size;
+    double around, above;             /* the camera's angles */
+    double light_around, light_above; /* the light's */
+    uint64_t revision;
+    float *rgba, *other;  /* pictures: shown, and one that is compared */
+    unsigned char *codes; /* sRGB and alpha, as a canvas takes them */
+    int width, height;
+    int columns, rows, step, passes; /* sampled pixels, and passes of paths through them */
+    float *sums, *squares, *mean, *deviation;
+    char report[8192];
+    ex_error error;
+} web_state;
+
+static web_state web;
+
+static double web_clock(void *user) {
+    struct timespec now;
+    (void)user;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+static int web_progress(void *user, float fraction) {
+    (void)user, (void)fraction;
+    return page_pending();
+}
+
+static int web_fail(int context) { return ex_fail(&web.error, "%s", sps_error(web.contexts[context])); }
+
+/* ---------------------------------------------------------------------------------------------------------- scenes */
+
+static int ground_read(void *user, size_t first, size_t count, sps_triangle *out) {
+    static const float corners[4][2] = {{-80, 80}, {80, 80}, {80, -80}, {-80, -80}};
+    const float height = *(const float *)user;
+    for (size_t i = 0; i < count; ++i)
+        for (size_t k = 0; k < 3; ++k) {
+            const float *corner = corners[k == 0 ? 0 : first + i + k];
+            out[i].position[k][0] = corner[0], out[i].position[k][1] = height, out[i].position[k][2] = corner[1];
+        }
+    return 0;
+}
+
+static void set_ground(double height, double gray) {
+    static float at;
+    at = (float)height;
+    memset(&web.ground, 0, sizeof web.ground);
+    web.ground.triangle_count = 2, web.ground.read_fn = ground_read, web.ground.user = &at;
+    web.ground.revision = ++web.revision;
+    ex_color(web.ground.albedo, gray, gray, 0.95 * gray);
+    web.scene.meshes = &web.ground, web.scene.mesh_count = 1;
+}
+
+typedef double web_density(ex_vec p);
+
+/* Fills a volume with voxels of a function of position: evaluated once, since the reference reads them again. */
+static sps_volume *add_volume(ex_vec low, ex_vec high, int voxels, web_density *density) {
+    const int n = web.scene.volume_count++;
+    sps_volume *volume = &web.volumes[n];
+    sps_grid *grid = &web.grids[n];
+    memset(volume, 0, sizeof *volume), memset(grid, 0, sizeof *grid);
+    ex_volume_box(volume, low, high, voxels);
+    const size_t count = (size_t)volume->size[0] * (size_t)volume->size[1] * (size_t)volume->size[2];
+    const double edge = volume->placement.axis[0][0] / volume->size[0];
+    free(web.voxels[n]);
+    float *out = web.voxels[n] = (float *)ex_allocate(count, sizeof(float));
+    for (int z = 0; z < volume->size[2]; ++z)
+        for (int y = 0; y < volume->size[1]; ++y)
+            for (int x = 0; x < volume->size[0]; ++x)
+                *out++ = (float)density(
+                    ex_vec_of(low.x + (x + 0.5) * edge, low.y + (y + 0.5) * edge, low.z + (z + 0.5) * edge));
+    grid->voxels = web.voxels[n], grid->format = SPS_VOXEL_F32;
+    memcpy(grid->size, volume->size, sizeof grid->size);
+    volume->read_fn = sps_grid_read, volume->range_fn = sps_grid_range, volume->user = grid;
+    volume->revision = ++web.revision;
+    web.scene.volumes = web.volumes;
+    return volume;
+}
+
+static double blob_density(ex_vec p) { return exp(-16 * ex_vec_dot(p, p)); }
+
+static double smoke_density(ex_vec p) {
+    const double up = p.y + 1, wide = 0.1 + 0.22 * up;
+    const double dx = p.x - 0.2 * up * ex_noise(ex_vec_of(0.5, 1.6 * p.y, 3.3));
+    const double dz = p.z - 0.2 * up * ex_noise(ex_vec_of(8.2, 1.6 * p.y, 0.4));
+    const double depth = 1 - sqrt(dx * dx + dz * dz) / wide;
+    if (depth < -0.8) return 0;
+    const double eddies = ex_turbulence(ex_vec_of(5 * p.x, 3.6 * p.y, 5 * p.z), 4);
+    return ex_ramp(0, 0.6, depth + 0.45 - 1.2 * eddies) * ex_ramp(1, 0.7, p.y) * ex_ramp(-1, -0.9, p.y);
+}
+
+static double cloud_density(ex_vec p) {
+    const double depth = 0.72 - sqrt(ex_vec_dot(p, p) + p.y * p.y);
+    return ex_clamp(6 * (depth + 0.35 * ex_fractal(ex_vec_scale(p, 3), 5)), 0, 1);
+}
+
+/* A temperature, 1 where it is hottest. */
+static double fire_density(ex_vec p) {
+    const double up = p.y + 1, wide = 0.30 * pow(up + 0.05, 0.4) * pow(ex_clamp(1 - up / 1.7, 0, 1), 0.7) + 1e-6;
+    const double dx = p.x - 0.25 * up * ex_noise(ex_vec_of(2.1, 2 * p.y, 1.7));
+    const double dz = p.z - 0.25 * up * ex_noise(ex_vec_of(4.1, 2 * p.y, 6.3));
+    const double depth =
+        1.1 - sqrt(dx * dx + dz * dz) / wide - 0.8 * ex_turbulence(ex_vec_of(5 * p.x, 2.4 * p.y, 5 * p.z), 3);
+    return up > 1.7 ? 0 : sqrt(ex_ramp(0, 1, depth)) * (1 - 0.2 * up);
+}
+
+/* What a scanner might find: half a shell of soft matter around a dense spiral. */
+static double scan_density(ex_vec p) {
+    const double shell = fabs(ex_vec_length(p) - 0.8 - 0.05 * ex_noise(ex_vec_scale(p, 4)));
+    const double rise = 0.35, turns = (p.y + 0.6) / rise - atan2(p.z, p.x) / (2 * EX_PI);
+    const double beside = 0.93 * rise * (turns - floor(turns + 0.5)), out = sqrt(p.x * p.x + p.z * p.z) - 0.4;
+    const double ends = fabs(p.y) < 0.62 ? 0 : fabs(p.y) - 0.62;
+    const double dense = ex_solid(sqrt(out * out + beside * beside + ends * ends) - 0.09, 0.08);
+    return fmax(0.9 * dense, 0.45 * ex_ramp(0.1, 0, p.x + 0.3 * p.z) * ex_solid(shell - 0.06, 0.08));
+}
+
+/* Looks of scans: soft matter, then dense. */
+static const sps_transfer_point scan_points[] = {{0.20f, {0.80f, 0.55f, 0.42f}, 0, {0, 0, 0}},
+                                                 {0.30f, {0.80f, 0.55f, 0.42f}, 60, {0, 0, 0}},
+                                                 {0.55f, {0.85f, 0.75f, 0.62f}, 200, {0, 0, 0}},
+                                                 {1.00f, {0.92f, 0.90f, 0.84f}, 400, {0, 0, 0}}};
+
+/* Makes a volume show as surfaces. The points are of a scan 2 units wide. */
+static void set_scan(sps_volume *volume) {
+    memcpy(web.points, scan_points, sizeof scan_points);
+    for (int i = 0; i < 4; ++i) web.points[i].extinction *= (float)(2 / web.size);
+    web.transfer.points = web.points, web.transfer.point_count = 4;
+    volume->transfer = &web.transfer, volume->shading = SPS_SHADING_SURFACE;
+}
+
+static int particles_read(void *user, size_t first, size_t count, sps_particle *out) {
+    memcpy(out, (const sps_particle *)user + first, count * sizeof *out);
+    return 0;
+}
+
+/* Two arms of dust around a dense middle. */
+static void set_particles(void) {
+    uint32_t random = 7;
+    free(web.particles);
+    web.particles = (sps_particle *)ex_allocate(PARTICLE_COUNT, sizeof *web.particles);
+    for (int i = 0; i < PARTICLE_COUNT; ++i) {
+        sps_particle *p = &web.particles[i];
+        const double out = pow(ex_random(&random), 0.7), arm = i % 2 * EX_PI + 5 * out;
+        const double spread = 0.22 * (1.1 - out), a = 2 * EX_PI * ex_random(&random), r = spread * ex_random(&random);
+        p->position[0] = (float)(out * cos(arm) + r * cos(a));
+        p->position[1] = (float)(0.25 * spread * (2 * ex_random(&random) - 1));
+        p->position[2] = (float)(out * sin(arm) + r * sin(a));
+        p->radius = (float)(0.012 + 0.02 * ex_random(&random));
+        p->optical_depth = 0.35f;
+    }
+    memset(&web.set, 0, sizeof web.set);
+    web.set.count = PARTICLE_COUNT, web.set.read_fn = particles_read, web.set.user = web.particles;
+    web.set.soft = 1;
+    ex_color(web.set.albedo, 0.85, 0.75, 0.65);
+    web.scene.particles = &web.set, web.scene.particle_set_count = 1;
+}
+
+static void set_gas(sps_volume *volume, double extinction, double red, double green, double blue) {
+    volume->extinction = (float)extinction;
+    ex_color(volume->albedo, red, green, blue);
+}
+
+static void set_fire(void) {
+    sps_volume *fire = add_volume(ex_vec_of(-0.5, -1, -0.5), ex_vec_of(0.5, 0.8, 0.5), 80, fire_density);
+    ex_temperature_points(2300, 90, 1, web.points);
+    web.transfer.points = web.points, web.transfer.point_count = EX_TEMPERATURE_POINTS;
+    fire->transfer = &web.transfer;
+    set_ground(-1, 0.4);
+    web.scene.light_count = 0;
+    for (int c = 0; c < 3; ++c) web.scene.ambient[c] = web.scene.background[c] = 0.002f;
+}
+
+/* An empty scene under a warm sun and a weak sky; the camera looks down a little. */
+static void begin_scene(void) {
+    memset(&web.scene, 0, sizeof web.scene);
+    memset(&web.light, 0, sizeof web.light);
+    memset(web.centre, 0, sizeof web.centre);
+    web.light.kind = SPS_LIGHT_DIRECTIONAL;
+    ex_color(web.light.color, 3.2, 3, 2.7);
+    web.scene.lights = &web.light, web.scene.light_count = 1;
+    ex_color(web.scene.ambient, 0.10, 0.13, 0.17);
+    ex_color(web.scene.background, 0.10, 0.13, 0.17);
+    web.distance = 4.6, web.size = 2, web.around = 0.4, web.above = 0.3;
+    web.light_around = -0.9, web.light_above = 0.8;
+    web.passes = 0;
+}
+
+/* Returns 0; 1: out of memory, or no such scene. */
+int WEB_CALL(web_choose)(int number) {
+    static const sps_config config = {0};
+    const ex_vec low = ex_vec_of(-1, -1, -1), high = ex_vec_of(1, 1, 1);
+    if (number < BLOB || number > PARTICLES) return ex_fail(&web.error, "there is no scene %d", number);
+    for (int i = 0; i < CONTEXTS && !web.contexts[i]; ++i) {
+        sps_config own = config;
+        own.clock_fn = web_clock, own.progress_fn = web_progress;
+        web.contexts[i] = sps_create(&own, NULL);
+        if (!web.contexts[i]) return ex_fail(&web.error, "there is no memory for a context");
+    }
+    begin_scene();
+    switch (number) {
+    case BLOB:
+        set_gas(add_volume(low, high, 64, blob_density), 6, 0.7, 0.8, 0.9);
+        ex_color(web.light.color, 9, 8, 7);
+        set_ground(-0.8, 0.3);
+        break;
+    case SMOKE:
+        set_gas(add_volume(low, high, 96, smoke_density), 9, 0.6, 0.58, 0.56);
+        set_ground(-1, 0.35);
+        break;
+    case CLOUD: set_gas(add_volume(low, high, 96, cloud_density), 30, 1, 0.99, 0.98); break;
+    case FIRE: set_fire(); break;
+    case SCAN: set_scan(add_volume(low, high, 128, scan_density)); break;
+    default: set_particles(); break;
+    }
+    return 0;
+}
+
+/* ---------------------------------------------------------------------------------------------------- dropped files */
+
+static int ends_with(const char *text, const char *end) {
+    const size_t length = strlen(text), size = strlen(end);
+    return length >= size && strcmp(text + length - size, end) == 0;
+}
+
+static int open_sparse(const char *path, ex_sparse *sparse, sps_volume *volume) {
+    const ex_sparse_format *format = ends_with(path, ".nvdb") ? &ex_nvdb : &ex_vdb;
+    if (ex_sparse_open(format, sparse, path, NULL, LARGEST_FILE, &web.error)) return 1;
+    memcpy(volume->size, sparse->size, sizeof volume->size);
+    volume->placement = ex_sparse_placement(sparse);
+    volume->read_fn = ex_sparse_read, volume->range_fn = ex_sparse_range, volume->user = &web.sparse;
+    volume->range_levels = EX_SPARSE_RANGE_LEVELS;
+    return 0;
+}
+
+static int open_dense(const char *path, ex_grid *dense, sps_volume *volume, int *is_scan) {
+    ex_volume_file file;
+    if (!ex_volume_format_of(path))
+        return ex_fail(&web.error, "%s: not a .nrrd, .nii, .mha, .npy, .vdb or .nvdb file", path);
+    if (ex_volume_file_read(&file, path, &web.error)) return 1;
+    file.voxels.max_bytes = LARGEST_FILE;
+    if (ex_grid_load(dense, &file.voxels, &web.error)) return 1;
+    memcpy(volume->size, file.voxels.size, sizeof volume->size);
+    for (int k = 0; k < 3; ++k) {
+        volume->placement.origin[k] = file.origin[k];
+        for (int a = 0; a < 3; ++a) {
+            volume->placement.axis[a][k] = file.step[a][k] * file.voxels.size[a];
+            volume->placement.origin[k] -= 0.5 * file.step[a][k];
+        }
+    }
+    *is_scan = !ex_type_is_float(file.voxels.type);
+    if (*is_scan) /* a patient's z is upwards */
+        for (int n = 0; n < 4; ++n) {
+            double *v = n < 3 ? volume->placement.axis[n] : volume->placement.origin;
+            const double up = v[2];
+            v[2] = -v[1], v[1] = up;
+        }
+    volume->read_fn = ex_grid_read, volume->range_fn = ex_grid_range, volume->user = &web.dense;
+    return 0;
+}
+
+/* Opens a file; the scene stays as it is if that fails. Returns 0, or 1 and leaves a sentence. */
+int WEB_CALL(web_open)(const char *path) {
+    sps_volume volume;
+    ex_grid dense;
+    ex_sparse sparse;
+    int is_scan = 0;
+    memset(&volume, 0, sizeof volume), memset(&dense, 0, sizeof dense), memset(&sparse, 0, sizeof sparse);
+    const int is_sparse = ends_with(path, "vdb");
+    if (is_sparse ? open_sparse(path, &sparse, &volume) : open_dense(path, &dense, &volume, &is_scan)) return 1;
+    free(web.dense.data), free(web.dense.ranges);
+    ex_sparse_free(&web.sparse);
+    web.dense = dense, web.sparse = sparse;
+    begin_scene();
+    web.size = 0;
+    for (int k = 0; k < 3; ++k) web.centre[k] = volume.placement.origin[k];
+    for (int a = 0; a < 3; ++a) {
+        double square = 0;
+        for (int k = 0; k < 3; ++k) {
+            web.centre[k] += 0.5 * volume.placement.axis[a][k];
+            square += pow(volume.placement.axis[a][k], 2);
+        }
+        web.size = fmax(web.size, sqrt(square));
+    }
+    web.distance = 2.5 * web.size;
+    web.volumes[0] = volume;
+    web.volumes[0].revision = ++web.revision;
+    web.scene.volumes = web.volumes, web.scene.volume_count = 1;
+    if (is_scan)
+        set_scan(&web.volumes[0]);
+    else
+        set_gas(&web.volumes[0], 60 / web.size, 0.9, 0.9, 0.9);
+    return 0;
+}
+
+/* ------------------------------------------------------------------------------------------------------ the camera */
+
+void WEB_CALL(web_turn)(double around, double above) {
+    web.around += around;
+    web.above = ex_clamp(web.above + above, -1.5, 1.5);
+    web.passes = 0;
+}
+
+void WEB_CALL(web_zoom)(double factor) {
+    web.distance = ex_clamp(web.distance * factor, 0.3 * web.size, 20 * web.size);
+    web.passes = 0;
+}
+
+void WEB_CALL(web_turn_light)(double around, double above) {
+    web.light_around += around;
+    web.light_above = ex_clamp(web.light_above + above, -1.5, 1.5);
+    web.passes = 0;
+}
+
+static ex_vec direction_of(double around, double above) {
+    return ex_vec_of(cos(above) * sin(around), sin(above), cos(above) * cos(around));
+}
+
+/* A matrix that shows every step-th pixel of the picture from `first` on, or all of them. */
+static void set_matrix(int step, int first, int columns, int rows, double matrix[16]) {
+    const ex_vec toward = direction_of(web.around, web.above), ahead = ex_vec_scale(toward, -1);
+    const ex_vec right = ex_vec_unit(ex_vec_cross(ahead, ex_vec_of(0, 1, 0))), up = ex_vec_cross(right, ahead);
+    const ex_vec centre = ex_vec_of(web.centre[0], web.centre[1], web.centre[2]);
+    const ex_vec eye = ex_vec_add(centre, ex_vec_scale(toward, web.distance));
+    const double wide = (double)step * columns / web.width, high = (double)step * rows / web.height;
+    const double off = 2 * (first + 0.5 - 0.5 * step), zoom = 1 / tan(0.25);
+    const double left = wide - 1 + off / web.width, top = 1 - high - off / web.height;
+    const double across = zoom * web.height / web.width;
+    const ex_vec rows_of[3] = {
+        ex_vec_scale(ex_vec_sub(ex_vec_scale(right, across), ex_vec_scale(ahead, left)), 1 / wide),
+        ex_vec_scale(ex_vec_sub(ex_vec_scale(up, zoom), ex_vec_scale(ahead, top)), 1 / high), ahead};
+    memset(matrix, 0, 16 * sizeof *matrix);
+    for (int i = 0; i < 3; ++i) {
+        double *row = matrix + 4 * (i == 2 ? 3 : i);
+        row[0] = rows_of[i].x, row[1] = rows_of[i].y, row[2] = rows_of[i].z;
+        row[3] = -ex_vec_dot(rows_of[i], eye);
+    }
+    matrix[11] = 2;
+}
+
+/* ---------------------------------------------------------------------------------------------------------- frames */
+
+static void set_size(int width, int height) {
+    const size_t pixels = (size_t)width * (size_t)height;
+    if (width == web.width && height == web.height) return;
+    free(web.rgba), free(web.other), free(web.codes);
+    web.rgba = (float *)ex_allocate(pixels, 4 * sizeof(float));
+    web.other = (float *)ex_allocate(pixels, 4 * sizeof(float));
+    web.codes = (unsigned char *)ex_allocate(pixels, 4);
+    web.width = width, web.height = height, web.passes = 0;
+}
+
+static void set_light(void) {
+    const ex_vec toward = direction_of(web.light_around, web.light_above);
+    web.light.direction[0] = -toward.x, web.light.direction[1] = -toward.y, web.light.direction[2] = -toward.z;
+}
+
+static unsigned char srgb_code(float linear) {
+    if (!(linear > 0)) return 0;
+    if (linear >= 1) return 255;
+    return (unsigned char)(0.5f +
+                           255 * (linear <= 0.0031308f ? 12.92f * linear : 1.055f * powf(linear, 1 / 2.4f) - 0.055f));
+}
+
+/* Codes of a picture's top left, without gaps. */
+static void encode(int width, int height) {
+    unsigned char *code = web.codes;
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x)
+            for (int c = 0; c < 4; ++c)
+                *code++ =
+                    c == 3 ? 255 : srgb_code(web.rgba[4 * ((size_t)y * (size_t)web.width + (size_t)x) + (size_t)c]);
+}
+
+static sps_view view_of(double matrix[16]) {
+    sps_view view;
+    memset(&view, 0, sizeof view);
+    view.camera.world_to_clip = matrix;
+    view.width = web.width, view.height = web.height;
+    return view;
+}
+
+/* Renders a frame: within `milliseconds`, perhaps smaller; or, if these are 0, of a quality. Returns 0, or 1. */
+int WEB_CALL(web_frame)(int width, int height, double milliseconds, int quality) {
+    const int context = milliseconds > 0 ? MOVING : STILL;
+    double matrix[16];
+    sps_stats_report stats;
+    set_size(width, height);
+    set_light();
+    set_matrix(1, 0, width, height, matrix);
+    sps_view view = view_of(matrix);
+    if (milliseconds > 0)
+        view.budget_seconds = 0.001 * milliseconds, view.budget_scale_min = 0.5;
+    else
+        view.quality = (sps_quality)quality;
+    const sps_image image = {web.rgba, NULL, 0};
+    if (sps_render(web.contexts[context], &web.scene, &view, &image)) return web_fail(context);
+    sps_get_stats(web.contexts[context], &stats);
+    const int shown[2] = {stats.budget.width ? stats.budget.width : width,
+                          stats.budget.height ? stats.budget.height : height};
+    encode(shown[0], shown[1]);
+    snprintf(web.report, sizeof web.report,
+             "{\"ms\":%.2f,\"width\":%d,\"height\":%d,\"quality\":%d,\"slabs\":%d,\"cells\":%d,\"expected\":%.4f,"
+             "\"bytes\":%.0f}",
+             1e3 * stats.seconds_total, shown[0], shown[1], milliseconds > 0 ? (int)stats.budget.quality : quality,
+             (int)stats.slabs, (int)stats.cells, milliseconds > 0 ? stats.budget.error : 0.0, (double)stats.bytes);
+    return 0;
+}
+
+/* Reports the passes that a frame of a quality runs, and why. */
+int WEB_CALL(web_plan)(int quality) {
+    double matrix[16];
+    sps_plan_report plan;
+    size_t length = 0;
+    set_matrix(1, 0, web.width, web.height, matrix);
+    sps_view view = view_of(matrix);
+    view.quality = (sps_quality)quality;
+    if (sps_plan(web.contexts[STILL], &web.scene, &view, &plan)) return web_fail(STILL);
+    for (int i = 0; i < SPS_PASS_COUNT; ++i) {
+        const sps_pass_report *pass = &plan.pass[i];
+        const int added = snprintf(web.report + length, sizeof web.report - length, "%s[\"%s\",%d,\"%s\"]",
+                                   i ? "," : "[", sps_pass_name((sps_pass)i), pass->runs, pass->reason);
+        if (added < 0 || (size_t)added >= sizeof web.report - length - 2) break;
+        length += (size_t)added;
+    }
+    strcpy(web.report + length, "]");
+    return 0;
+}
+
+/* ----------------------------------------------------------------------------------------------- what accuracy costs
+ */
+
+/* Adds paths through every step-th pixel, for the error of a picture as it stands. Returns 0, or 1. */
+int WEB_CALL(web_measure)(int paths) {
+    double matrix[16];
+    sps_reference_settings settings;
+    if (web.passes == 0) {
+        web.step = web.width > SAMPLED ? web.width / SAMPLED : 1;
+        web.columns = (web.width - web.step / 2 - 1) / web.step + 1;
+        web.rows = (web.height - web.step / 2 - 1) / web.step + 1;
+        const size_t count = (size_t)web.columns * (size_t)web.rows;
+        free(web.sums), free(web.squares), free(web.mean), free(web.deviation);
+        web.sums = (float *)ex_allocate(count, 3 * sizeof(float));
+        web.squares = (float *)ex_allocate(count, 3 * sizeof(float));
+        web.mean = (float *)ex_allocate(count, 4 * sizeof(float));
+        web.deviation = (float *)ex_allocate(count, 3 * sizeof(float));
+    }
+    set_light();
+    set_matrix(web.step, web.step / 2, web.columns, web.rows, matrix);
+    sps_view view = view_of(matrix);
+    view.width = web.columns, view.height = web.rows;
+    memset(&settings, 0, sizeof settings);
+    settings.step = 1, settings.samples = paths, settings.seed = (uint64_t)web.passes + 1;
+    settings.error = web.deviation;
+    const sps_image image = {web.mean, NULL, 0};
+    if (sps_reference(web.contexts[STILL], &web.scene, &view, &settings, &image)) return web_fail(STILL);
+    for (int i = 0; i < 3 * web.columns * web.rows; ++i) {
+        web.sums[i] += web.mean[4 * (i / 3) + i % 3];
+        web.squares[i] += web.deviation[i] * web.deviation[i];
+    }
+    ++web.passes;
+    return 0;
+}
+
+/* The root mean square difference of a picture to the paths' mean, less their noise, over their mean radiance; or, with
+   `noise`, that noise. -1: nothing is measured yet. */
+double WEB_CALL(web_error)(int of_other, int noise) {
+    const float *picture = of_other ? web.other : web.rgba;
+    const int count = 3 * web.columns * web.rows, passes = web.passes;
+    double difference = 0, variance = 0, mean = 0;
+    if (passes == 0) return -1;
+    for (int i = 0; i < count; ++i) {
+        const int x = i / 3 % web.columns * web.step + web.step / 2, y = i / 3 / web.columns * web.step + web.step / 2;
+        const double exact = (double)web.sums[i] / passes;
+        mean += exact / count;
+        difference += pow((double)picture[4 * (y * web.width + x) + i % 3] - exact, 2) / count;
+        variance += (double)web.squares[i] / ((double)passes * passes) / count;
+    }
+    return sqrt(fmax(noise ? variance : difference - variance, 0)) / fmax(mean, 1e-12);
+}
+
+/* Renders a frame of a quality that is not shown, twice, and returns the milliseconds of the second; -1: it failed. */
+double WEB_CALL(web_try)(int quality) {
+    double matrix[16];
+    sps_stats_report stats;
+    set_matrix(1, 0, web.width, web.height, matrix);
+    sps_view view = view_of(matrix);
+    view.quality = (sps_quality)quality;
+    const sps_image image = {web.other, NULL, 0};
+    for (int i = 0; i < 2; ++i)
+        if (sps_render(web.contexts[STILL], &web.scene, &view, &image)) return web_fail(STILL), -1;
+    sps_get_stats(web.contexts[STILL], &stats);
+    return 1e3 * stats.seconds_total;
+}
+
+const float *WEB_CALL(web_rgba)(void) { return web.rgba; }
+const unsigned char *WEB_CALL(web_codes)(void) { return web.codes; }
+const char *WEB_CALL(web_report)(void) { return web.report; }
+const char *WEB_CALL(web_sentence)(void) { return web.error.text; }
+/* Where JavaScript writes a file's name. */
+char *WEB_CALL(web_name)(void) {
+    static char name[256];
+    return name;
+}

@@ -134,7 +134,8 @@ async function call(name, ...values) {
         say(lastWords || 'The module stopped, probably for lack of memory. It has begun anew.');
         lastWords = '';
         await start();
-        wasm.web_choose(+element('scene').value || 0);
+        if (element('scene').selectedIndex < 0) element('scene').selectedIndex = 0;
+        wasm.web_choose(+element('scene').value);
         change();
         return false;
     }
@@ -223,15 +224,18 @@ async function restStep() {
 }
 
 async function tick() {
-    if (moved) {
-        moved = false;
-        await frame(+element('budget').value);
-    } else if (!failed && rest < PASSES && performance.now() - changed > STILL_AFTER) {
-        measuring = true;
-        if (await restStep()) ++rest;
+    try {
+        if (moved) {
+            moved = false;
+            await frame(+element('budget').value);
+        } else if (!failed && rest < PASSES && performance.now() - changed > STILL_AFTER) {
+            measuring = true;
+            if (await restStep()) ++rest;
+        }
+    } finally {
         measuring = false;
+        requestAnimationFrame(tick);
     }
-    requestAnimationFrame(tick);
 }
 
 /* ---------------------------------------------------------------------------------------------------------- input */

@@ -22,7 +22,7 @@ static int page_pending(void) { return 0; }
 #endif
 
 enum { BLOB, SMOKE, CLOUD, FIRE, SCAN, PARTICLES, DROPPED };
-enum { SAMPLED = 24, PARTICLE_COUNT = 20000, LARGEST_FILE = 400000000 };
+enum { SAMPLED = 24, PARTICLE_COUNT = 20000, LARGEST_FILE = 400000000, VOXELS_MOST = 100000000 };
 
 /* Contexts: of moving pictures, and of still ones and what is measured. Each keeps its own voxels and cells. */
 enum { MOVING, STILL, CONTEXTS };
@@ -227,6 +227,12 @@ static void begin_scene(void) {
     web.passes = 0;
 }
 
+static void free_dropped(void) {
+    free(web.dense.data), free(web.dense.ranges);
+    ex_sparse_free(&web.sparse);
+    memset(&web.dense, 0, sizeof web.dense), memset(&web.sparse, 0, sizeof web.sparse);
+}
+
 /* Returns 0; 1: out of memory, or no such scene. */
 int WEB_CALL(web_choose)(int number) {
     static const sps_config config = {0};
@@ -238,6 +244,7 @@ int WEB_CALL(web_choose)(int number) {
         web.contexts[i] = sps_create(&own, NULL);
         if (!web.contexts[i]) return ex_fail(&web.error, "there is no memory for a context");
     }
+    free_dropped();
     begin_scene();
     switch (number) {
     case BLOB:
@@ -280,6 +287,10 @@ static int open_dense(const char *path, ex_grid *dense, sps_volume *volume, int 
         return ex_fail(&web.error, "%s: not a .nrrd, .nii, .mha, .npy, .vdb or .nvdb file", path);
     if (ex_volume_file_read(&file, path, &web.error)) return 1;
     file.voxels.max_bytes = LARGEST_FILE;
+    const double voxels = (double)file.voxels.size[0] * file.voxels.size[1] * file.voxels.size[2];
+    if (voxels > VOXELS_MOST)
+        return ex_fail(&web.error, "%s: %.0f million voxels; the page takes %d", path, 1e-6 * voxels,
+                       VOXELS_MOST / 1000000);
     if (ex_grid_load(dense, &file.voxels, &web.error)) return 1;
     memcpy(volume->size, file.voxels.size, sizeof volume->size);
     for (int k = 0; k < 3; ++k) {
@@ -309,8 +320,7 @@ int WEB_CALL(web_open)(const char *path) {
     memset(&volume, 0, sizeof volume), memset(&dense, 0, sizeof dense), memset(&sparse, 0, sizeof sparse);
     const int is_sparse = ends_with(path, "vdb");
     if (is_sparse ? open_sparse(path, &sparse, &volume) : open_dense(path, &dense, &volume, &is_scan)) return 1;
-    free(web.dense.data), free(web.dense.ranges);
-    ex_sparse_free(&web.sparse);
+    free_dropped();
     web.dense = dense, web.sparse = sparse;
     begin_scene();
     web.size = 0;

@@ -422,14 +422,20 @@ static char *read_shader(void) {
     return text;
 }
 
+/* What is known about a map; a line ends with `end`. */
+static void define(const kind *k, const char *language, const char *end, char text[300]) {
+    const int beer = k->technique == SPS_TMAP_BEER, is_ranged = beer || k->technique == SPS_TMAP_DEEP_OPACITY;
+    snprintf(text, 300,
+             "#version %s%s#define TMAP_TEXTURE%s#define TMAP_PLANES%s#define TMAP_LAYERS %d%s#define TECHNIQUE %d%s"
+             "#define CUBIC %d%s#define PLANES %d%s#define RANGE %d%s",
+             language, end, end, end, (k->components + 4) / 4, end, k->technique, end, k->cubic, end, k->planes, end,
+             is_ranged || k->texel_range, end);
+}
+
 /* The file as it is, between the engine's lines. GLSL 4.30 and ES 3.10 have bindings in the text. */
 static unsigned make_program(offscreen *gl, const char *language, const kind *k, const char *file) {
     char version[300];
-    const int beer = k->technique == SPS_TMAP_BEER, is_ranged = beer || k->technique == SPS_TMAP_DEEP_OPACITY;
-    snprintf(version, sizeof version,
-             "#version %s\n#define TMAP_TEXTURE\n#define TMAP_PLANES\n#define TMAP_LAYERS %d\n#define TECHNIQUE %d\n"
-             "#define CUBIC %d\n#define PLANES %d\n#define RANGE %d\n",
-             language, (k->components + 4) / 4, k->technique, k->cubic, k->planes, is_ranged || k->texel_range);
+    define(k, language, "\n", version);
     const char *vertex[3] = {version, draw_all, ""}, *fragment[3] = {version, file, look_up};
     const unsigned program = offscreen_program(gl, vertex, fragment);
     if (!CHECK(program != 0)) return 0;
@@ -504,7 +510,66 @@ static void test_gl(void) {
     free(file);
 }
 
-int main(void) {
+/* ------------------------------------------------------------------------------------------------------ in a browser
+ */
+
+/* FOLDER/map_N.bin: a line of JSON, then block, points, gas and surfaces, which web.mjs draws with into got_N.bin. */
+static void write_map(const char *folder, int n, const subject *s, const kind *k, const float points[4 * POINTS]) {
+    char path[4096], defines[300];
+    const double *light = s->f.light.camera.position;
+    define(k, "300 es", "\\n", defines);
+    snprintf(path, sizeof path, "%s/map_%d.bin", folder, n);
+    FILE *file = fopen(path, "wb");
+    if (!CHECK(file != NULL)) return;
+    fprintf(file,
+            "{\"defines\":\"%s\",\"vertex\":\"%s\",\"fragment\":\"%s\",\"format\":%d,\"half\":%d,\"size\":[%d,%d,%d],"
+            "\"faces\":%d,\"light\":[%.9g,%.9g,%.9g,%d],\"bytes\":[%zu,%zu,%zu,%zu]}\n",
+            defines, draw_all, look_up, (int)s->format, s->surface_format == SPS_EXPORT_HALF, s->gas.width,
+            s->gas.height, s->gas.layers, s->map->grid.face_count, light[0], light[1], light[2],
+            s->f.light.omnidirectional, sizeof s->block, 4 * POINTS * sizeof *points, s->gas.bytes, s->surface.bytes);
+    fwrite(s->block, sizeof s->block, 1, file);
+    fwrite(points, sizeof *points, 4 * POINTS, file);
+    fwrite(s->gas_bytes, 1, s->gas.bytes, file);
+    fwrite(s->surface_bytes, 1, s->surface.bytes, file);
+    CHECK(fclose(file) == 0);
+}
+
+static void judge_map(const char *folder, int n, const subject *s, const float points[4 * POINTS]) {
+    static float got[4 * POINTS];
+    errors worst = {0, 0, 0, 0, 0, 0, 0};
+    char path[4096];
+    snprintf(path, sizeof path, "%s/got_%d.bin", folder, n);
+    FILE *file = fopen(path, "rb");
+    if (!CHECK(file && fread(got, sizeof *got, 4 * POINTS, file) == 4 * POINTS)) printf("    %s is missing\n", path);
+    if (file) fclose(file);
+    for (int i = 0; i < POINTS && file; ++i) judge(s, points + 4 * i, got + 4 * i, 1, i % 4 == 0, &worst);
+    if (file) conclude("WebGL 2", n / FORMATS, s, &worst);
+}
+
+/* WebGL 2 has no unorm16. */
+static void run_browser(const char *folder, int judges) {
+    static float points[4 * POINTS];
+    sps_context *context = sps_create(NULL, NULL);
+    for (int n = 0; n < KINDS * FORMATS; ++n) {
+        subject s;
+        const sps_export_format format = (sps_export_format)(n % FORMATS);
+        if (format == SPS_EXPORT_UNORM16 || !subject_make(&s, context, &kinds[n / FORMATS], format)) continue;
+        place_points(&s, points);
+        if (judges)
+            judge_map(folder, n, &s, points);
+        else
+            write_map(folder, n, &s, &kinds[n / FORMATS], points);
+        subject_free(&s);
+    }
+    sps_destroy(context);
+}
+
+/* With `write FOLDER` and `judge FOLDER`, maps for web.mjs, and what it has drawn. */
+int main(int argc, char **argv) {
+    if (argc == 3) {
+        run_browser(argv[2], strcmp(argv[1], "judge") == 0);
+        return check_report();
+    }
     RUN(test_c);
     RUN(test_clamped_places);
     RUN(test_gl);

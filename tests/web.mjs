@@ -2,7 +2,7 @@
    as a visitor would. FOLDER/native.bin has the same pictures by a native build. Screenshots go to FOLDER. */
 
 import { spawn } from 'node:child_process';
-import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { existsSync, mkdtempSync, readdirSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { resolve } from 'node:path';
 
@@ -18,8 +18,8 @@ function check(right, what) {
 
 /* ------------------------------------------------------------------------------------------------------- Chromium */
 
-const browser = spawn('chromium', ['--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run',
-    '--disable-background-networking', '--disable-component-update', '--disable-sync', '--remote-debugging-pipe',
+const browser = spawn('chromium', ['--headless', '--no-sandbox', '--use-angle=swiftshader',
+    '--enable-unsafe-swiftshader', '--disable-quic', '--no-first-run', '--disable-background-networking', '--disable-component-update', '--disable-sync', '--remote-debugging-pipe',
     `--user-data-dir=${profile}`, 'about:blank'], {stdio: ['ignore', 'ignore', 'ignore', 'pipe', 'pipe']});
 const waiting = new Map(), messages = [];
 let number = 0, held = '', session;
@@ -230,6 +230,78 @@ async function testHead() {
     await screenshot('head');
 }
 
+/* ----------------------------------------------------------------------------------------- shaders that read maps */
+
+/* Runs on the page: draws what the shader of a map returns at its points, and returns that, coded. */
+function drawMap(info, glsl, coded) {
+    const gl = globalThis.mapInk ??= document.createElement('canvas').getContext('webgl2');
+    for (const name of ['EXT_color_buffer_float', 'OES_texture_float_linear'])
+        if (!gl?.getExtension(name)) return `skipped: WebGL 2 without ${name}`;
+    const all = Uint8Array.from(atob(coded), c => c.charCodeAt(0)), program = gl.createProgram();
+    let at = 0;
+    const [block, points, gas, surfaces] = info.bytes.map(count => all.slice(at, at += count).buffer);
+    for (const [kind, text] of [[gl.VERTEX_SHADER, info.defines + info.vertex],
+                                [gl.FRAGMENT_SHADER, info.defines + glsl + info.fragment]]) {
+        const shader = gl.createShader(kind);
+        gl.shaderSource(shader, text), gl.compileShader(shader), gl.attachShader(program, shader);
+        if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) return gl.getShaderInfoLog(shader);
+    }
+    gl.linkProgram(program), gl.useProgram(program);
+    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) return gl.getProgramInfoLog(program);
+    const texture = (unit, target, filter, fill) => {
+        gl.activeTexture(gl.TEXTURE0 + unit), gl.bindTexture(target, gl.createTexture()), fill();
+        for (const name of [gl.TEXTURE_MAG_FILTER, gl.TEXTURE_MIN_FILTER]) gl.texParameteri(target, name, filter);
+        for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(target, name, gl.CLAMP_TO_EDGE);
+    };
+    const array = (inner, outer, type, layers, data) => gl.texImage3D(gl.TEXTURE_2D_ARRAY, 0, inner, info.size[0],
+        info.size[1], layers, 0, outer, type, data);
+    const side = Math.sqrt(points.byteLength / 16), flat = data => gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, side, side,
+        0, gl.RGBA, gl.FLOAT, data);
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+    texture(0, gl.TEXTURE_2D_ARRAY, gl.LINEAR, () => {
+        if (info.format === 0) array(gl.RGBA32F, gl.RGBA, gl.FLOAT, info.size[2], new Float32Array(gas));
+        else if (info.format === 1) array(gl.RGBA16F, gl.RGBA, gl.HALF_FLOAT, info.size[2], new Uint16Array(gas));
+        else array(gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, info.size[2], new Uint8Array(gas));
+    });
+    texture(1, gl.TEXTURE_2D_ARRAY, gl.NEAREST, () => info.half
+        ? array(gl.R16F, gl.RED, gl.HALF_FLOAT, info.faces, new Uint16Array(surfaces))
+        : array(gl.R32F, gl.RED, gl.FLOAT, info.faces, new Float32Array(surfaces)));
+    texture(3, gl.TEXTURE_2D, gl.NEAREST, () => flat(new Float32Array(points)));
+    texture(2, gl.TEXTURE_2D, gl.NEAREST, () => flat(null));
+    gl.bindFramebuffer(gl.FRAMEBUFFER, gl.createFramebuffer());
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, gl.getParameter(gl.TEXTURE_BINDING_2D), 0);
+    gl.bindBufferBase(gl.UNIFORM_BUFFER, 2, gl.createBuffer());
+    gl.bufferData(gl.UNIFORM_BUFFER, block, gl.STATIC_DRAW);
+    gl.uniformBlockBinding(program, gl.getUniformBlockIndex(program, 'tmap_block'), 2);
+    for (const [name, unit] of [['tmap_gas', 0], ['tmap_surfaces', 1], ['points', 3]])
+        gl.uniform1i(gl.getUniformLocation(program, name), unit);
+    gl.uniform4fv(gl.getUniformLocation(program, 'light'), info.light);
+    gl.viewport(0, 0, side, side), gl.drawArrays(gl.TRIANGLES, 0, 3);
+    const got = new Float32Array(4 * side * side);
+    gl.readPixels(0, 0, side, side, gl.RGBA, gl.FLOAT, got);
+    const error = gl.getError();
+    return error ? `error ${error}` : {coded: btoa(String.fromCharCode(...new Uint8Array(got.buffer)))};
+}
+
+/* Draws each map of FOLDER/map_N.bin into got_N.bin, which test_map_shaders.c judges. */
+async function drawMaps() {
+    const glsl = readFileSync('examples/shaders/transmittance_map.glsl', 'utf8');
+    for (const name of readdirSync(folder).filter(name => /^map_\d+\.bin$/.test(name))) {
+        const all = readFileSync(`${folder}/${name}`), end = all.indexOf(10), info = JSON.parse(all.subarray(0, end).toString());
+        const coded = all.subarray(end + 1).toString('base64');
+        const got = await evaluate(`(${drawMap})(${JSON.stringify(info)}, ${JSON.stringify(glsl)}, '${coded}')`);
+        check(got.coded, `${name} in WebGL 2: ${got}`);
+        if (got.coded) writeFileSync(`${folder}/${name.replace('map', 'got')}`, Buffer.from(got.coded, 'base64'));
+    }
+}
+
+/* Asking is a message in the console. */
+async function saysWgsl() {
+    const has = await evaluate(`navigator.gpu?.requestAdapter().then(adapter => !!adapter) ?? false`);
+    console.log(has ? 'not tested: the shaders in WGSL, although there is an adapter'
+                    : 'skipped: the shaders in WGSL: this browser has no adapter for WebGPU');
+}
+
 /* --------------------------------------------------------------------------------------------------------- layout */
 
 async function testLayout() {
@@ -254,8 +326,10 @@ try {
     await testInput();
     await printMotion();
     await testFiles();
+    await drawMaps();
     await testLayout();
     check(messages.length === 0, `the console has messages: ${messages.slice(0, 3).join(' ')}`);
+    await saysWgsl();
 } catch (error) {
     check(false, error.stack);
 }

@@ -11,6 +11,16 @@ if ! has chromium || ! has node; then
     exit 0
 fi
 # Of four lanes, as wasm has: wider ones may take a sweep of cells more or less, and differ by 1e-3.
-cc -std=c99 -D_POSIX_C_SOURCE=200809L -O2 -I. tests/web_pictures.c -o build/web/pictures -lm -pthread &&
-    build/web/pictures build/web/native.bin || { echo "0 passed, 1 failed"; exit 1; }
-exec node tests/web.mjs build/web
+CC="cc -std=c99 -D_POSIX_C_SOURCE=200809L -O2 -I. -Iexamples"
+build=build/web
+rm -f $build/map_*.bin $build/got_*.bin
+if ! { $CC tests/web_pictures.c -o $build/pictures -lm -pthread && $build/pictures $build/native.bin &&
+    $CC -Itests tests/test_map_shaders.c -o $build/maps -lm -pthread &&
+    $build/maps write $build > $build/maps.log; }; then
+    echo "0 passed, 1 failed"
+    exit 1
+fi
+{ node tests/web.mjs $build; $build/maps judge $build; } 2>&1 | awk '
+    /^[0-9]+ passed, [0-9]+ failed$/ { passed += $1; failed += $3; ends++; next }
+    { print }
+    END { failed += ends < 2; print passed " passed, " failed " failed"; exit failed > 0 }'

@@ -53,7 +53,7 @@ async function until(expression, what) {
         if (await evaluate(expression)) return check(true, what);
         await new Promise(done => setTimeout(done, 100));
     }
-    check(false, `waited in vain: ${what}`);
+    throw new Error(`waited in vain: ${what}`);
 }
 
 async function screenshot(name) {
@@ -81,7 +81,7 @@ const pixels = () => evaluate(`(() => {
     read.drawImage(canvas, 0, 0);
     return [...read.getImageData(0, 0, copy.width, copy.height).data].join();
 })()`);
-const rested = what => until(`rest > 0 && !moved`, what);
+const rested = what => until(`steps > 0 && !moved`, what);
 
 /* ------------------------------------------------------------------------------------------------------- pictures */
 
@@ -93,7 +93,7 @@ async function testPictures() {
     for (let scene = 0; scene < SCENES.length; ++scene) {
         /* the loop has nothing to do until `change` is called again */
         await evaluate(`element('scene').value = '${scene}',
-            choose().then(() => (moved = false, rest = PASSES, frame(0)))`);
+            choose().then(() => (moved = false, steps = PASSES, frame(0)))`);
         const here = await floats(), there = native.subarray(scene * size, (scene + 1) * size);
         const shown = (await pixels()).split(',').map(Number);
         let most = 0, apart = 0, code = 0;
@@ -145,7 +145,7 @@ async function testInput() {
         `canvas.dispatchEvent(new KeyboardEvent('keydown', {key: 'ArrowRight', shiftKey: true}))`));
     await changes('quality', () => evaluate(`element('quality').value = '1', element('quality').dispatchEvent(new Event('change'))`));
     await evaluate(`element('budget').value = '25', element('budget').dispatchEvent(new Event('input'))`);
-    check(await evaluate(`element('budget_text').textContent`) === '25 ms a frame', 'the slider says its milliseconds');
+    check(await evaluate(`element('budget_text').textContent`) === '25 ms', 'the slider says its milliseconds');
     await rested('at rest after the slider');
     for (const size of [480, 320]) {
         await evaluate(`element('size').value = '${size}', element('size').dispatchEvent(new Event('change'))`);
@@ -153,8 +153,8 @@ async function testInput() {
         check((await floats()).length === 4 * size * size * 3 / 4, `${size} columns of pixels`);
     }
     await evaluate(`element('quality').value = '2', element('quality').dispatchEvent(new Event('change'))`);
-    await until('rest > CURVE_AFTER + 4', 'error and curve are measured');
-    check(await evaluate(`curve.length === 3 && /%/.test(element('error').textContent)`), 'the error and three points of the curve');
+    await until('steps > CURVE_AFTER + 5', 'error and curve are measured'); /* a slow machine leaves ultra out */
+    check(await evaluate(`curve.length >= 3 && /%|costly/.test(element('error').textContent)`), 'the error and the points of the curve');
     check(await evaluate(`element('plan').rows.length > 15`), 'the plan has a row for each pass');
 }
 
@@ -186,6 +186,13 @@ function nrrd(cut) {
     return Buffer.concat([Buffer.from(header), voxels.subarray(0, voxels.length - cut)]).toString('base64');
 }
 
+/* 8^3 floats of one value. */
+function npy(value) {
+    const text = "{'descr': '<f4', 'fortran_order': False, 'shape': (8, 8, 8), }".padEnd(117) + '\n';
+    const start = Buffer.from([0x93, ...Buffer.from('NUMPY'), 1, 0, text.length, 0]);
+    return Buffer.concat([start, Buffer.from(text), Buffer.from(new Float32Array(512).fill(value).buffer)]).toString('base64');
+}
+
 const drop = (name, coded) => evaluate(`(() => {
     const dropped = new DataTransfer();
     dropped.items.add(new File([Uint8Array.from(atob('${coded}'), c => c.charCodeAt(0))], '${name}'));
@@ -198,6 +205,8 @@ async function refused(name, coded, sentence) {
     const before = await floats();
     await evaluate('frame(0)');
     check(!differs(before, await floats()), `the scene stays after ${name}`);
+    check(await evaluate(`element('scene').value === '2' && !stopped && opened.size === 0 && files.size === 0`),
+          `nothing is left of ${name}`);
 }
 
 async function testFiles() {
@@ -207,9 +216,13 @@ async function testFiles() {
     await refused('large.nrrd', Buffer.from('NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2000 2000 2000\nencoding: raw\n\n')
         .toString('base64'), '/large.nrrd: /');
     await refused('empty.vdb', Buffer.from('').toString('base64'), '/empty.vdb: /');
+    await refused('rubbish.nvdb', Buffer.from('x'.repeat(5000)).toString('base64'), '/rubbish.nvdb: /');
+    for (const [value, sentence] of [[NaN, '/some values/'], [3e38, '/some values/'], [-1, '/no voxel/'], [0, '/no voxel/']])
+        await refused(`${value}.npy`, npy(value), sentence);
+    await refused(`${'long name '.repeat(30)}cancelled by é.nrrd`, nrrd(10), '/cancelled by é.nrrd: /');
     const before = await floats();
     await drop('ball.nrrd', nrrd(0));
-    await until(`element('scene').selectedIndex < 0 && rest > 0`, 'a dropped ball at rest');
+    await until(`element('scene').value === 'file' && steps > 0`, 'a dropped ball at rest');
     check(differs(before, await floats()), 'a dropped file is shown');
     check(await evaluate(`element('sentence').textContent`) === '', 'without a sentence');
     await screenshot('dropped');
@@ -225,7 +238,7 @@ async function testHead() {
     const before = await floats(), {root} = await send('DOM.getDocument');
     const {nodeId} = await send('DOM.querySelector', {nodeId: root.nodeId, selector: '#file'});
     await send('DOM.setFileInputFiles', {nodeId, files: [path]});
-    await until(`files.has('head.nrrd') && element('sentence').textContent === '' && rest > 0`, 'a real scan at rest');
+    await until(`element('dropped').textContent === 'head.nrrd' && element('sentence').textContent === '' && steps > 0`, 'a real scan at rest');
     check(differs(before, await floats()), 'a real scan is shown');
     await screenshot('head');
 }
@@ -310,7 +323,7 @@ async function testLayout() {
         await send('Emulation.setDeviceMetricsOverride', {width, height: 800, deviceScaleFactor: 1, mobile: false});
         await send('Emulation.setEmulatedMedia', {features: [{name: 'prefers-color-scheme', value: scheme}]});
         check(await evaluate(`document.scrollingElement.scrollWidth <= ${width}`), `the page fits into ${width} pixels`);
-        await until('rest > 2', `at rest at ${width} pixels`);
+        await until('steps > 2', `at rest at ${width} pixels`);
         await screenshot(`page_${width}_${scheme}`);
     }
 }
@@ -321,7 +334,7 @@ try {
     session = (await send('Target.attachToTarget', {targetId, flatten: true})).sessionId;
     for (const domain of ['Page', 'Runtime', 'Log', 'DOM']) await send(`${domain}.enable`);
     await send('Page.navigate', {url: `file://${folder}/splatshadow.html`});
-    await until(`typeof rest === 'number' && rest > 0`, 'the page renders');
+    await until(`typeof steps === 'number' && steps > 0`, 'the page renders');
     await testPictures();
     await testInput();
     await printMotion();

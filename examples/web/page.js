@@ -4,11 +4,12 @@
 const element = id => document.getElementById(id);
 const QUALITIES = ['', 'draft', 'medium', 'high', 'ultra'];
 const STILL_AFTER = 250;                       /* ms without input before the picture at rest is begun */
-const PATHS = 8, PASSES = 40, CURVE_AFTER = 4; /* per pixel and pass; passes; passes before the curve is measured */
+const PASSES = 40, CURVE_AFTER = 4;          /* passes of paths; those before other qualities are tried */
+const PATIENCE = 400, TRIAL_PATIENCE = 5000;   /* ms that a pass of paths, and a trial, may take */
 
 /* ------------------------------------------------------------------------------------------ what web.c imports */
 
-/* Of WASI, only what reading one file takes. Numbers are its error codes. */
+/* The part of WASI that reading one file needs. The numbers are its error codes. */
 const OK = 0, BAD_FILE = 8, NO_ENTRY = 44, FOLDER = 3, FIRST_FILE = 4;
 const files = new Map(); /* name: bytes */
 const opened = new Map(); /* descriptor: {bytes, at} */
@@ -103,9 +104,10 @@ const wasi = {
 };
 let lastWords = '';
 
-/* Where the browser tells of waiting input, long calls end for it. */
-const page = {pending: () => measuring && navigator.scheduling?.isInputPending?.() ? 1 : 0};
-let measuring = false, compiled;
+/* While nothing moves, calls end at a deadline and, where the browser tells of it, for waiting input. */
+const page = {pending: () => measuring && (performance.now() > deadline ||
+    navigator.scheduling?.isInputPending?.({includeContinuous: steps > 0})) ? 1 : 0};
+let measuring = false, deadline = Infinity, compiled;
 
 async function start() {
     compiled ??= await WebAssembly.compile(Uint8Array.from(atob(element('wasm').text), c => c.charCodeAt(0)));
@@ -117,28 +119,32 @@ async function start() {
 /* --------------------------------------------------------------------------------------------------- the picture */
 
 const canvas = element('picture'), ink = canvas.getContext('2d'), small = document.createElement('canvas');
-let moved = true, changed = 0, rest = 0; /* rest: steps done since the last change */
-let curve = [], failed = false;
+let moved = true, changed = 0, steps = 0; /* steps: done since the last change */
+let curve = [], stopped = false, paths = 8, restarts = 0, lastEnd = 0, request = 0;
+let alias = '', shownName = ''; /* a dropped file's name in the module, and its own */
 
-const say = sentence => { element('sentence').textContent = sentence; };
-const percent = value => `${(100 * value).toPrecision(2)} %`;
+const say = sentence => {
+    element('sentence').textContent = alias ? sentence.replaceAll(alias, shownName) : sentence;
+};
+const percent = value => `${value >= 1 ? (100 * value).toFixed(0) : value < 1e-5 ? '< 0.001' : (100 * value).toPrecision(2)} %`;
+const wasCancelled = () => /^cancelled by/.test(text(wasm.web_sentence()));
 
-/* Calls a function of web.c that returns 0 on success. Where the module has no memory left, it begins anew. */
+/* Calls a function of web.c that returns 0 on success. A module that ends, usually for lack of memory, is restarted,
+   but not for ever. */
 async function call(name, ...values) {
     try {
         if (!wasm[name](...values)) return true;
-        const sentence = text(wasm.web_sentence());
-        if (!/cancelled/.test(sentence)) say(sentence), failed = true;
-        return false;
+        if (!wasCancelled()) say(text(wasm.web_sentence())), stopped = true;
     } catch (error) {
-        say(lastWords || 'The module stopped, probably for lack of memory. It has begun anew.');
-        lastWords = '';
         await start();
-        if (element('scene').selectedIndex < 0) element('scene').selectedIndex = 0;
-        wasm.web_choose(+element('scene').value);
-        change();
-        return false;
+        const again = ++restarts < 3;
+        if (element('scene').value === 'file') element('scene').value = '0';
+        say(`${lastWords || 'The module ended, probably for lack of memory'}; it was restarted${again ? '' : ' for the last time'}.`);
+        lastWords = '';
+        if (again && !wasm.web_choose(+element('scene').value)) restart();
+        else stopped = true;
     }
+    return false;
 }
 
 function draw(report) {
@@ -155,11 +161,14 @@ async function frame(milliseconds) {
     if (!await call('web_frame', canvas.width, canvas.height, milliseconds, quality)) return false;
     const report = JSON.parse(text(wasm.web_report()));
     draw(report);
-    element('time').textContent = `${report.ms.toFixed(1)} ms` +
-        (milliseconds ? `, ${(1000 / report.ms).toFixed(0)} frames a second` : ', at rest');
-    element('pixels').textContent = `${report.width} × ${report.height}, ${(report.bytes / 1e6).toFixed(0)} MB`;
+    const between = performance.now() - lastEnd;
+    lastEnd = performance.now();
+    const rate = between < STILL_AFTER ? `, ${(1000 / between).toFixed(0)} frames a second` : '';
+    element('time').textContent = `${report.ms.toFixed(0)} ms${milliseconds ? rate : ', at rest'}`;
+    element('pixels').textContent = `${report.width} × ${report.height}`;
     element('setting').textContent = `${QUALITIES[report.quality]}, ${report.slabs} slabs` +
-        (report.cells ? `, ${report.cells} cells of light made` : ', cells of light kept or not needed');
+        (report.cells ? `, ${report.cells} cells of light made` : ', no cells of light made');
+    element('memory').textContent = `${(wasm.memory.buffer.byteLength / 1e6).toFixed(0)} MB`;
     element('error').textContent = milliseconds ? 'measured at rest' : '…';
     return true;
 }
@@ -176,51 +185,71 @@ function showPlan() {
     }));
 }
 
-function showError() {
-    const error = wasm.web_error(0, 0), noise = wasm.web_error(0, 1);
-    element('error').textContent = error > noise ? `${percent(error)} of the mean (noise of the paths ${percent(noise)})`
-                                                 : `below the paths' noise, ${percent(noise)} so far`;
+/* The error of a picture, or what it is less than. */
+function difference(quality) {
+    const error = wasm.web_difference(quality, 0), noise = wasm.web_difference(quality, 1);
+    return error > noise ? {value: error, text: percent(error), known: true}
+                         : {value: noise, text: `< ${percent(noise)}`, known: false};
 }
 
-/* Both axes are logarithmic. */
+function showError() {
+    const {text: shown, known} = difference(0);
+    element('error').textContent = `${shown} of the mean` +
+        (known ? `, noise ${percent(wasm.web_difference(0, 1))}` : ", the reference's noise so far");
+}
+
+/* Both axes are logarithmic. Hollow: the error is less than that. */
 function showCurve() {
     const x = ms => 42 + 235 * Math.log(ms / 10) / Math.log(1000), y = e => 160 - 140 * Math.log(e / 1e-3) / Math.log(1e3);
-    let drawn = '';
+    let drawn = '', rows = '';
     for (const ms of [10, 100, 1000, 10000])
         drawn += `<line x1="${x(ms)}" x2="${x(ms)}" y1="20" y2="160"/><text x="${x(ms) - 12}" y="175">${ms} ms</text>`;
     for (const e of [0.001, 0.01, 0.1, 1])
         drawn += `<line x1="42" x2="277" y1="${y(e)}" y2="${y(e)}"/><text x="4" y="${y(e) + 4}">${100 * e} %</text>`;
-    for (const {quality, ms, error} of curve) {
-        const at = [x(Math.min(Math.max(ms, 10), 10000)), y(Math.min(Math.max(error, 1e-3), 1))];
-        drawn += `<circle cx="${at[0]}" cy="${at[1]}" r="4"/><text x="${at[0] + 6}" y="${at[1] - 5}">` +
-            `${QUALITIES[quality]}: ${ms.toFixed(0)} ms, ${percent(error)}</text>`;
+    for (const {quality, ms} of curve) {
+        const error = difference(quality), up = quality % 2 ? -7 : 15;
+        const at = [x(Math.min(Math.max(ms, 10), 10000)), y(Math.min(Math.max(error.value, 1e-3), 1))];
+        drawn += `<circle cx="${at[0]}" cy="${at[1]}" r="4"${error.known ? '' : ' class="less"'}/>` +
+            `<text x="${at[0]}" y="${at[1] + up}" text-anchor="middle">${QUALITIES[quality]}</text>`;
+        rows += `<tr><td>${QUALITIES[quality]}<td>${ms.toFixed(0)} ms<td>${error.text}`;
     }
     element('curve').innerHTML = drawn;
+    element('curve_rows').innerHTML = rows;
 }
 
-/* Step 0: the picture at rest and the plan; then passes of paths, amid which the curve is measured. A step that input
-   cancels is done again. */
-async function restStep() {
-    if (rest === 0) {
+/* Adds a pass of paths, with fewer where they take too long. */
+async function measure() {
+    deadline = performance.now() + PATIENCE;
+    const began = performance.now(), done = await call('web_measure', paths);
+    if (!done && !stopped && performance.now() - began >= PATIENCE) {
+        if (paths > 2) paths /= 2;
+        else steps = PASSES, element('error').textContent = 'too costly to measure here';
+    }
+    if (done) showError(), showCurve();
+    return done;
+}
+
+/* Tries a quality that is not shown; one that takes too long is left out. */
+function tryQuality(quality) {
+    const began = performance.now();
+    deadline = began + TRIAL_PATIENCE;
+    const ms = wasm.web_try(quality);
+    if (ms >= 0) curve.push({quality, ms}), showCurve();
+    return ms >= 0 || !wasCancelled() || performance.now() - began >= TRIAL_PATIENCE;
+}
+
+/* Step 0: the picture at rest and the plan; then passes of paths, amid which other qualities are tried. A step that
+   input cancels is done again. */
+async function step() {
+    if (steps === 0) {
+        deadline = Infinity;
         if (!await frame(0)) return false;
         if (await call('web_plan', +element('quality').value)) showPlan();
+        restarts = 0;
         return true;
     }
-    const trial = rest - CURVE_AFTER - 1;
-    if (trial >= 0 && trial < 3) {
-        const ms = wasm.web_try(trial + 1);
-        if (ms < 0) { /* cancelled: again; else no more */
-            failed = !/cancelled/.test(text(wasm.web_sentence()));
-            return false;
-        }
-        /* noise below which nothing is known */
-        curve.push({quality: trial + 1, ms, error: Math.max(wasm.web_error(1, 0), 0.3 * wasm.web_error(1, 1))});
-        showCurve();
-        return true;
-    }
-    if (!await call('web_measure', PATHS)) return false;
-    showError();
-    return true;
+    const trial = steps - CURVE_AFTER;
+    return trial > 0 && trial < QUALITIES.length ? tryQuality(trial) : measure();
 }
 
 async function tick() {
@@ -228,9 +257,9 @@ async function tick() {
         if (moved) {
             moved = false;
             await frame(+element('budget').value);
-        } else if (!failed && rest < PASSES && performance.now() - changed > STILL_AFTER) {
+        } else if (!stopped && steps < PASSES && performance.now() - changed > STILL_AFTER) {
             measuring = true;
-            if (await restStep()) ++rest;
+            if (await step()) ++steps;
         }
     } finally {
         measuring = false;
@@ -240,39 +269,60 @@ async function tick() {
 
 /* ---------------------------------------------------------------------------------------------------------- input */
 
-function change() {
-    moved = true, failed = false, changed = performance.now(), rest = 0, curve = [];
+function restart() {
+    moved = true, stopped = false, changed = performance.now(), steps = 0, curve = [], paths = 8;
     showCurve();
 }
 
-async function choose() {
-    say('');
-    if (await call('web_choose', +element('scene').value)) change();
+function change() {
+    restarts = 0;
+    restart();
 }
 
+async function choose() {
+    const mine = ++request;
+    say('');
+    if (await call('web_choose', +element('scene').value) && mine === request) change();
+}
+
+/* The module sees a short name with the file's ending; sentences have the file's own. The last request wins. */
 async function open(file) {
+    const mine = ++request;
+    if (!wasm) return;
+    if (file.size > 4e8) return say(`${file.name}: ${(file.size / 1e6).toFixed(0)} MB are too many for the page`);
     say(`Reading ${file.name} …`);
-    const name = file.name.replace(/[/\\\0]/g, '_').slice(-120);
-    const before = files.get(name);
-    files.set(name, new Uint8Array(await file.arrayBuffer()));
-    const encoded = new TextEncoder().encode(name);
-    bytes().set(encoded.slice(0, 255), wasm.web_name());
-    bytes()[wasm.web_name() + Math.min(encoded.length, 255)] = 0;
-    if (!await call('web_open', wasm.web_name())) { /* the scene stays */
-        if (before) files.set(name, before); else files.delete(name);
-        failed = false;
+    const content = await file.arrayBuffer().catch(() => null);
+    if (mine !== request) return;
+    if (!content) return say(`${file.name}: the browser cannot read it`);
+    const ending = file.name.match(/(\.nii)?\.[a-z0-9]{1,8}$/i)?.[0].toLowerCase() ?? '';
+    const before = [alias, shownName], wasStopped = stopped;
+    alias = `file${mine}${ending}`, shownName = file.name;
+    files.set(alias, new Uint8Array(content));
+    bytes().set(new TextEncoder().encode(`${alias}\0`), wasm.web_name());
+    const opens = await call('web_open', wasm.web_name());
+    if (!opens) {
+        files.delete(alias);
+        [alias, shownName] = before, stopped = wasStopped; /* the scene stays */
         return;
     }
-    for (const other of files.keys()) if (other !== name) files.delete(other);
-    element('scene').selectedIndex = -1;
+    for (const other of files.keys()) if (other !== alias) files.delete(other);
+    element('dropped').hidden = false, element('dropped').textContent = file.name;
+    element('scene').value = 'file';
     say('');
     change();
 }
 
 function turn(x, y, light) {
     const speed = 0.008;
+    if (!wasm) return;
     if (light) wasm.web_turn_light(speed * x, -speed * y);
     else wasm.web_turn(-speed * x, speed * y);
+    change();
+}
+
+function zoom(factor) {
+    if (!wasm) return;
+    wasm.web_zoom(factor);
     change();
 }
 
@@ -292,7 +342,7 @@ canvas.addEventListener('pointermove', event => {
     fingers.set(event.pointerId, event);
     if (!other) return turn(x, y, lights);
     const apart = finger => Math.hypot(finger.clientX - other.clientX, finger.clientY - other.clientY);
-    wasm.web_zoom(Math.max(apart(last), 1) / Math.max(apart(event), 1));
+    zoom(Math.max(apart(last), 1) / Math.max(apart(event), 1));
     turn(x / 2, y / 2, true);
 });
 for (const end of ['pointerup', 'pointercancel'])
@@ -300,30 +350,32 @@ for (const end of ['pointerup', 'pointercancel'])
 canvas.addEventListener('contextmenu', event => event.preventDefault());
 canvas.addEventListener('wheel', event => {
     event.preventDefault();
-    wasm.web_zoom(Math.exp(0.001 * event.deltaY));
-    change();
+    zoom(Math.exp(0.001 * event.deltaY));
 }, {passive: false});
 canvas.addEventListener('keydown', event => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
     const arrow = {ArrowLeft: [-12, 0], ArrowRight: [12, 0], ArrowUp: [0, -12], ArrowDown: [0, 12]}[event.key];
     const nearer = {'+': 0.9, '=': 0.9, '-': 1.1, '−': 1.1}[event.key];
     if (!arrow && !nearer) return;
     event.preventDefault();
     if (arrow) return turn(...arrow, event.shiftKey);
-    wasm.web_zoom(nearer);
-    change();
+    zoom(nearer);
 });
 
-element('scene').addEventListener('change', choose);
+element('scene').addEventListener('change', () => element('scene').value !== 'file' && choose());
 element('quality').addEventListener('change', change);
 element('budget').addEventListener('input', () => {
-    element('budget_text').textContent = `${element('budget').value} ms a frame`;
+    element('budget_text').textContent = `${element('budget').value} ms`;
     change();
 });
 element('size').addEventListener('change', () => {
     canvas.width = +element('size').value, canvas.height = canvas.width * 3 / 4;
     change();
 });
-element('file').addEventListener('change', event => event.target.files[0] && open(event.target.files[0]));
+element('file').addEventListener('change', event => {
+    if (event.target.files[0]) open(event.target.files[0]);
+    event.target.value = '';
+});
 document.addEventListener('dragover', event => { event.preventDefault(), canvas.classList.add('over'); });
 document.addEventListener('dragleave', () => canvas.classList.remove('over'));
 document.addEventListener('drop', event => {
@@ -333,6 +385,9 @@ document.addEventListener('drop', event => {
 });
 
 /* An error while anything is done is said once, and the loop goes on. */
-window.addEventListener('unhandledrejection', event => say(String(event.reason)));
-element('budget_text').textContent = `${element('budget').value} ms a frame`;
+window.addEventListener('unhandledrejection', event => {
+    event.preventDefault();
+    say(String(event.reason));
+});
+element('budget_text').textContent = `${element('budget').value} ms`;
 start().then(choose).then(() => requestAnimationFrame(tick));

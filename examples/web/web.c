@@ -4,6 +4,7 @@
 #define SPLATSHADOW_IMPLEMENTATION
 #include "splatshadow.h"
 
+#include <strings.h>
 #include <time.h>
 
 #include "../blackbody.h"
@@ -22,9 +23,9 @@ static int page_pending(void) { return 0; }
 #endif
 
 enum { BLOB, SMOKE, CLOUD, FIRE, SCAN, PARTICLES, DROPPED };
-enum { SAMPLED = 24, PARTICLE_COUNT = 20000, LARGEST_FILE = 400000000, VOXELS_MOST = 100000000 };
+enum { SAMPLED = 24, PARTICLE_COUNT = 20000, LARGEST_FILE = 400000000, VOXELS_MOST = 50000000, QUALITIES = 5 };
 
-/* Contexts: of moving pictures, and of still ones and what is measured. Each keeps its own voxels and cells. */
+/* One context renders moving pictures; the other, still ones and measurements. Each keeps its own voxels and cells. */
 enum { MOVING, STILL, CONTEXTS };
 
 typedef struct web_state {
@@ -39,17 +40,18 @@ typedef struct web_state {
     sps_light light;
     sps_transfer transfer;
     sps_transfer_point points[EX_TEMPERATURE_POINTS];
-    ex_grid dense;    /* of a dropped file */
+    ex_grid dense;    /* the dropped file's */
     ex_sparse sparse; /* likewise; its size is 0 if the file is dense */
     double centre[3], distance, size;
     double around, above;             /* the camera's angles */
     double light_around, light_above; /* the light's */
     uint64_t revision;
-    float *rgba, *other;  /* pictures: shown, and one that is compared */
+    float *rgba, *other;  /* the picture shown, and one to compare */
     unsigned char *codes; /* sRGB and alpha, as a canvas takes them */
     int width, height;
     int columns, rows, step, passes; /* sampled pixels, and passes of paths through them */
     float *sums, *squares, *mean, *deviation;
+    float *tried[QUALITIES]; /* the sampled pixels of compared pictures; NULL: none */
     char report[8192];
     ex_error error;
 } web_state;
@@ -156,18 +158,19 @@ static double scan_density(ex_vec p) {
     return fmax(0.9 * dense, 0.45 * ex_ramp(0.1, 0, p.x + 0.3 * p.z) * ex_solid(shell - 0.06, 0.08));
 }
 
-/* Looks of scans: soft matter, then dense. */
+/* How scans look, by parts of their greatest value: soft matter, then dense. Extinction is that of a scan 2 wide. */
 static const sps_transfer_point scan_points[] = {{0.20f, {0.80f, 0.55f, 0.42f}, 0, {0, 0, 0}},
                                                  {0.30f, {0.80f, 0.55f, 0.42f}, 60, {0, 0, 0}},
                                                  {0.55f, {0.85f, 0.75f, 0.62f}, 200, {0, 0, 0}},
                                                  {1.00f, {0.92f, 0.90f, 0.84f}, 400, {0, 0, 0}}};
 
-/* Makes a volume show as surfaces. The points are of a scan 2 units wide. */
-static void set_scan(sps_volume *volume) {
+/* Makes a volume show as surfaces. Cells hardly resolve how these shadow ambient light, so there is little of it. */
+static void set_scan(sps_volume *volume, float greatest) {
     memcpy(web.points, scan_points, sizeof scan_points);
-    for (int i = 0; i < 4; ++i) web.points[i].extinction *= (float)(2 / web.size);
+    for (int i = 0; i < 4; ++i) web.points[i].extinction *= (float)(2 / web.size), web.points[i].value *= greatest;
     web.transfer.points = web.points, web.transfer.point_count = 4;
     volume->transfer = &web.transfer, volume->shading = SPS_SHADING_SURFACE;
+    for (int c = 0; c < 3; ++c) web.scene.ambient[c] *= 0.3f;
 }
 
 static int particles_read(void *user, size_t first, size_t count, sps_particle *out) {
@@ -204,7 +207,7 @@ static void set_gas(sps_volume *volume, double extinction, double red, double gr
 
 static void set_fire(void) {
     sps_volume *fire = add_volume(ex_vec_of(-0.5, -1, -0.5), ex_vec_of(0.5, 0.8, 0.5), 80, fire_density);
-    ex_temperature_points(2300, 90, 1, web.points);
+    ex_temperature_points(2300, 60, 1, web.points);
     web.transfer.points = web.points, web.transfer.point_count = EX_TEMPERATURE_POINTS;
     fire->transfer = &web.transfer;
     set_ground(-1, 0.4);
@@ -258,7 +261,7 @@ int WEB_CALL(web_choose)(int number) {
         break;
     case CLOUD: set_gas(add_volume(low, high, 96, cloud_density), 30, 1, 0.99, 0.98); break;
     case FIRE: set_fire(); break;
-    case SCAN: set_scan(add_volume(low, high, 128, scan_density)); break;
+    case SCAN: set_scan(add_volume(low, high, 128, scan_density), 1); break;
     default: set_particles(); break;
     }
     return 0;
@@ -268,12 +271,28 @@ int WEB_CALL(web_choose)(int number) {
 
 static int ends_with(const char *text, const char *end) {
     const size_t length = strlen(text), size = strlen(end);
-    return length >= size && strcmp(text + length - size, end) == 0;
+    return length >= size && strcasecmp(text + length - size, end) == 0;
 }
 
-static int open_sparse(const char *path, ex_sparse *sparse, sps_volume *volume) {
+/* Refuses more voxels than two contexts and the file have memory for: the readers would end the module. */
+static int check_room(const char *path, const int size[3], size_t each) {
+    const double voxels = (double)size[0] * size[1] * size[2];
+    void *room = voxels <= VOXELS_MOST ? malloc((size_t)voxels * (each + 16)) : NULL;
+    free(room);
+    return room ? 0 : ex_fail(&web.error, "%s: %.1f million voxels are too many for the page", path, 1e-6 * voxels);
+}
+
+/* Refuses values that no picture can show. */
+static int check_values(const char *path, double least, double greatest) {
+    if (!(least >= 0 && greatest < 1e18))
+        return ex_fail(&web.error, "%s: some values are below 0, above 1e18 or no numbers", path);
+    return greatest > 0 ? 0 : ex_fail(&web.error, "%s: no voxel is above 0", path);
+}
+
+static int open_sparse(const char *path, ex_sparse *sparse, sps_volume *volume, float *greatest) {
     const ex_sparse_format *format = ends_with(path, ".nvdb") ? &ex_nvdb : &ex_vdb;
     if (ex_sparse_open(format, sparse, path, NULL, LARGEST_FILE, &web.error)) return 1;
+    if (ex_sparse_highest(sparse, greatest, &web.error) || check_values(path, 0, (double)*greatest)) return 1;
     memcpy(volume->size, sparse->size, sizeof volume->size);
     volume->placement = ex_sparse_placement(sparse);
     volume->read_fn = ex_sparse_read, volume->range_fn = ex_sparse_range, volume->user = &web.sparse;
@@ -281,34 +300,54 @@ static int open_sparse(const char *path, ex_sparse *sparse, sps_volume *volume) 
     return 0;
 }
 
-static int open_dense(const char *path, ex_grid *dense, sps_volume *volume, int *is_scan) {
-    ex_volume_file file;
-    if (!ex_volume_format_of(path))
-        return ex_fail(&web.error, "%s: not a .nrrd, .nii, .mha, .npy, .vdb or .nvdb file", path);
-    if (ex_volume_file_read(&file, path, &web.error)) return 1;
-    file.voxels.max_bytes = LARGEST_FILE;
-    const double voxels = (double)file.voxels.size[0] * file.voxels.size[1] * file.voxels.size[2];
-    if (voxels > VOXELS_MOST)
-        return ex_fail(&web.error, "%s: %.0f million voxels; the page takes %d", path, 1e-6 * voxels,
-                       VOXELS_MOST / 1000000);
-    if (ex_grid_load(dense, &file.voxels, &web.error)) return 1;
-    memcpy(volume->size, file.voxels.size, sizeof volume->size);
+static void place_dense(const ex_volume_file *file, int is_scan, sps_placement *placement) {
     for (int k = 0; k < 3; ++k) {
-        volume->placement.origin[k] = file.origin[k];
+        placement->origin[k] = file->origin[k];
         for (int a = 0; a < 3; ++a) {
-            volume->placement.axis[a][k] = file.step[a][k] * file.voxels.size[a];
-            volume->placement.origin[k] -= 0.5 * file.step[a][k];
+            placement->axis[a][k] = file->step[a][k] * file->voxels.size[a];
+            placement->origin[k] -= 0.5 * file->step[a][k];
         }
     }
-    *is_scan = !ex_type_is_float(file.voxels.type);
-    if (*is_scan) /* a patient's z is upwards */
-        for (int n = 0; n < 4; ++n) {
-            double *v = n < 3 ? volume->placement.axis[n] : volume->placement.origin;
-            const double up = v[2];
-            v[2] = -v[1], v[1] = up;
-        }
+    for (int n = 0; n < 4 && is_scan; ++n) { /* a patient's z is upwards */
+        double *v = n < 3 ? placement->axis[n] : placement->origin;
+        const double up = v[2];
+        v[2] = -v[1], v[1] = up;
+    }
+}
+
+static int open_dense(const char *path, ex_grid *dense, sps_volume *volume, float *greatest) {
+    ex_volume_file file;
+    float least = 1;
+    if (!ex_volume_format_of(path))
+        return ex_fail(&web.error, "%s: not a .nrrd, .nii, .nii.gz, .mha, .npy, .npz, .vdb or .nvdb file", path);
+    if (ex_volume_file_read(&file, path, &web.error)) return 1;
+    if (check_room(path, file.voxels.size, ex_type_size(file.voxels.type))) return 1;
+    file.voxels.max_bytes = LARGEST_FILE;
+    if (ex_grid_load(dense, &file.voxels, &web.error)) return 1;
+    for (size_t i = 0; i < (size_t)dense->blocks[0] * (size_t)dense->blocks[1] * (size_t)dense->blocks[2]; ++i) {
+        *greatest = fmaxf(*greatest, dense->ranges[2 * i + 1]);
+        if (dense->ranges[2 * i + 1] >= 1e18f) least = -1;
+    }
+    if (check_values(path, (double)least, (double)*greatest)) return 1;
+    memcpy(volume->size, file.voxels.size, sizeof volume->size);
+    place_dense(&file, !ex_type_is_float(file.voxels.type), &volume->placement);
     volume->read_fn = ex_grid_read, volume->range_fn = ex_grid_range, volume->user = &web.dense;
     return 0;
+}
+
+/* Sets centre, size and distance from the volume's box. */
+static void look_at(const sps_volume *volume) {
+    web.size = 0;
+    for (int k = 0; k < 3; ++k) web.centre[k] = volume->placement.origin[k];
+    for (int a = 0; a < 3; ++a) {
+        double square = 0;
+        for (int k = 0; k < 3; ++k) {
+            web.centre[k] += 0.5 * volume->placement.axis[a][k];
+            square += pow(volume->placement.axis[a][k], 2);
+        }
+        web.size = fmax(web.size, sqrt(square));
+    }
+    web.distance = 2.5 * web.size;
 }
 
 /* Opens a file; the scene stays as it is if that fails. Returns 0, or 1 and leaves a sentence. */
@@ -316,31 +355,25 @@ int WEB_CALL(web_open)(const char *path) {
     sps_volume volume;
     ex_grid dense;
     ex_sparse sparse;
-    int is_scan = 0;
+    float greatest = 0;
     memset(&volume, 0, sizeof volume), memset(&dense, 0, sizeof dense), memset(&sparse, 0, sizeof sparse);
-    const int is_sparse = ends_with(path, "vdb");
-    if (is_sparse ? open_sparse(path, &sparse, &volume) : open_dense(path, &dense, &volume, &is_scan)) return 1;
+    const int is_sparse = ends_with(path, ".vdb") || ends_with(path, ".nvdb");
+    if (is_sparse ? open_sparse(path, &sparse, &volume, &greatest) : open_dense(path, &dense, &volume, &greatest)) {
+        free(dense.data), free(dense.ranges);
+        ex_sparse_free(&sparse);
+        return 1;
+    }
     free_dropped();
     web.dense = dense, web.sparse = sparse;
     begin_scene();
-    web.size = 0;
-    for (int k = 0; k < 3; ++k) web.centre[k] = volume.placement.origin[k];
-    for (int a = 0; a < 3; ++a) {
-        double square = 0;
-        for (int k = 0; k < 3; ++k) {
-            web.centre[k] += 0.5 * volume.placement.axis[a][k];
-            square += pow(volume.placement.axis[a][k], 2);
-        }
-        web.size = fmax(web.size, sqrt(square));
-    }
-    web.distance = 2.5 * web.size;
+    look_at(&volume);
     web.volumes[0] = volume;
     web.volumes[0].revision = ++web.revision;
     web.scene.volumes = web.volumes, web.scene.volume_count = 1;
-    if (is_scan)
-        set_scan(&web.volumes[0]);
+    if (!is_sparse && !ex_type_is_float(dense.type))
+        set_scan(&web.volumes[0], greatest);
     else
-        set_gas(&web.volumes[0], 60 / web.size, 0.9, 0.9, 0.9);
+        set_gas(&web.volumes[0], 60 / web.size / (double)greatest, 0.9, 0.9, 0.9);
     return 0;
 }
 
@@ -407,20 +440,23 @@ static void set_light(void) {
 }
 
 static unsigned char srgb_code(float linear) {
-    if (!(linear > 0)) return 0;
-    if (linear >= 1) return 255;
     return (unsigned char)(0.5f +
                            255 * (linear <= 0.0031308f ? 12.92f * linear : 1.055f * powf(linear, 1 / 2.4f) - 0.055f));
 }
 
-/* Codes of a picture's top left, without gaps. */
+/* Codes of a picture's top left, without gaps. The table's steps are an eighth of a code at most. */
 static void encode(int width, int height) {
+    enum { STEPS = 32768 };
+    static unsigned char table[STEPS + 1];
     unsigned char *code = web.codes;
+    for (int i = 0; i <= STEPS && !table[STEPS]; ++i) table[i] = srgb_code((float)i / STEPS);
+    table[STEPS] = 255;
     for (int y = 0; y < height; ++y)
-        for (int x = 0; x < width; ++x)
-            for (int c = 0; c < 4; ++c)
-                *code++ =
-                    c == 3 ? 255 : srgb_code(web.rgba[4 * ((size_t)y * (size_t)web.width + (size_t)x) + (size_t)c]);
+        for (int x = 0; x < width; ++x, code += 4) {
+            const float *pixel = web.rgba + 4 * ((size_t)y * (size_t)web.width + (size_t)x);
+            for (int c = 0; c < 3; ++c) code[c] = table[(int)(STEPS * fminf(fmaxf(pixel[c], 0), 1) + 0.5f)];
+            code[3] = 255;
+        }
 }
 
 static sps_view view_of(double matrix[16]) {
@@ -451,10 +487,9 @@ int WEB_CALL(web_frame)(int width, int height, double milliseconds, int quality)
                           stats.budget.height ? stats.budget.height : height};
     encode(shown[0], shown[1]);
     snprintf(web.report, sizeof web.report,
-             "{\"ms\":%.2f,\"width\":%d,\"height\":%d,\"quality\":%d,\"slabs\":%d,\"cells\":%d,\"expected\":%.4f,"
-             "\"bytes\":%.0f}",
+             "{\"ms\":%.2f,\"width\":%d,\"height\":%d,\"quality\":%d,\"slabs\":%d,\"cells\":%d}",
              1e3 * stats.seconds_total, shown[0], shown[1], milliseconds > 0 ? (int)stats.budget.quality : quality,
-             (int)stats.slabs, (int)stats.cells, milliseconds > 0 ? stats.budget.error : 0.0, (double)stats.bytes);
+             (int)stats.slabs, (int)stats.cells);
     return 0;
 }
 
@@ -495,6 +530,7 @@ int WEB_CALL(web_measure)(int paths) {
         web.squares = (float *)ex_allocate(count, 3 * sizeof(float));
         web.mean = (float *)ex_allocate(count, 4 * sizeof(float));
         web.deviation = (float *)ex_allocate(count, 3 * sizeof(float));
+        for (int q = 0; q < QUALITIES; ++q) free(web.tried[q]), web.tried[q] = NULL;
     }
     set_light();
     set_matrix(web.step, web.step / 2, web.columns, web.rows, matrix);
@@ -513,27 +549,30 @@ int WEB_CALL(web_measure)(int paths) {
     return 0;
 }
 
-/* The root mean square difference of a picture to the paths' mean, less their noise, over their mean radiance; or, with
-   `noise`, that noise. -1: nothing is measured yet. */
-double WEB_CALL(web_error)(int of_other, int noise) {
-    const float *picture = of_other ? web.other : web.rgba;
+/* The root mean square difference to the paths' mean, less their noise, over their mean radiance; or, with `noise`,
+   that noise. Quality 0: the picture shown; else one that web_try has rendered. -1: nothing is measured yet. */
+double WEB_CALL(web_difference)(int quality, int noise) {
     const int count = 3 * web.columns * web.rows, passes = web.passes;
     double difference = 0, variance = 0, mean = 0;
-    if (passes == 0) return -1;
+    if (passes == 0 || quality < 0 || quality >= QUALITIES || (quality && !web.tried[quality])) return -1;
     for (int i = 0; i < count; ++i) {
         const int x = i / 3 % web.columns * web.step + web.step / 2, y = i / 3 / web.columns * web.step + web.step / 2;
+        const float shown = quality ? web.tried[quality][i] : web.rgba[4 * (y * web.width + x) + i % 3];
         const double exact = (double)web.sums[i] / passes;
         mean += exact / count;
-        difference += pow((double)picture[4 * (y * web.width + x) + i % 3] - exact, 2) / count;
+        difference += pow((double)shown - exact, 2) / count;
         variance += (double)web.squares[i] / ((double)passes * passes) / count;
     }
     return sqrt(fmax(noise ? variance : difference - variance, 0)) / fmax(mean, 1e-12);
 }
 
-/* Renders a frame of a quality that is not shown, twice, and returns the milliseconds of the second; -1: it failed. */
+/* Renders a frame of a quality that is not shown, twice, and returns the milliseconds of the second, for which light is
+   cached; -1: it failed. web_measure must have been called. */
 double WEB_CALL(web_try)(int quality) {
     double matrix[16];
     sps_stats_report stats;
+    const int count = 3 * web.columns * web.rows;
+    set_light();
     set_matrix(1, 0, web.width, web.height, matrix);
     sps_view view = view_of(matrix);
     view.quality = (sps_quality)quality;
@@ -541,6 +580,12 @@ double WEB_CALL(web_try)(int quality) {
     for (int i = 0; i < 2; ++i)
         if (sps_render(web.contexts[STILL], &web.scene, &view, &image)) return web_fail(STILL), -1;
     sps_get_stats(web.contexts[STILL], &stats);
+    free(web.tried[quality]);
+    web.tried[quality] = (float *)ex_allocate((size_t)count, sizeof(float));
+    for (int i = 0; i < count; ++i) {
+        const int x = i / 3 % web.columns * web.step + web.step / 2, y = i / 3 / web.columns * web.step + web.step / 2;
+        web.tried[quality][i] = web.other[4 * (y * web.width + x) + i % 3];
+    }
     return 1e3 * stats.seconds_total;
 }
 

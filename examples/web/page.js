@@ -5,7 +5,7 @@ const element = id => document.getElementById(id);
 const QUALITIES = ['', 'draft', 'medium', 'high', 'ultra'];
 const STILL_AFTER = 250;                       /* ms without input before the picture at rest is begun */
 const PASSES = 40, CURVE_AFTER = 4;          /* passes of paths; those before other qualities are tried */
-const PATIENCE = 400, TRIAL_PATIENCE = 5000;   /* ms that a pass of paths, and a trial, may take */
+const PATIENCE = 1500, TRIAL_PATIENCE = 5000;  /* ms that a pass of paths, and a trial, may take */
 
 /* ------------------------------------------------------------------------------------------ what web.c imports */
 

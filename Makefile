@@ -88,7 +88,7 @@ build $(GALLERY) build/tests build/tutorial:
 WASM_CC ?= clang-19
 WASM_PACKAGES = clang-19 lld-19 libclang-rt-19-dev-wasm32 wasi-libc
 WASM_LICENCES ?= /usr/share/doc/wasi-libc/copyright
-WASM_FLAGS = --target=wasm32-wasi -mexec-model=reactor -O3 -msimd128 -Wl,--max-memory=1073741824,-z,stack-size=1048576,--strip-all
+WASM_FLAGS = --target=wasm32-wasi -mexec-model=reactor -O3 -msimd128 -Wl,--max-memory=1073741824,-z,stack-size=1048576,--stack-first,--strip-all
 
 .PHONY: web test-web
 web:

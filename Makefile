@@ -104,7 +104,7 @@ build/web/splatshadow.wasm: examples/web/web.c $(HEADERS)
 # The parts stand where the page names them; licences are those of the C library and what it is made of.
 build/web/splatshadow.html: examples/web/page.html examples/web/page.js build/web/splatshadow.wasm
 	base64 build/web/splatshadow.wasm > build/web/wasm.txt
-	{ sed -n '/^.. =* >>licence/,$$p' splatshadow.h; cat $(WASM_LICENCES); } | sed 's/&/\&amp;/g; s/</\&lt;/g' > build/web/licences.txt
+	{ sed -n '/^.\* ==* >>licence/,$$p' splatshadow.h; cat $(WASM_LICENCES); } | sed 's/&/\&amp;/g; s/</\&lt;/g' > build/web/licences.txt
 	awk 'function insert(file,  line) { while ((getline line < file) > 0) print line } \
 		match($$0, /@[A-Z]+@/) { printf "%s", substr($$0, 1, RSTART - 1); part = substr($$0, RSTART, RLENGTH); \
 			insert(part == "@WASM@" ? "build/web/wasm.txt" : part == "@SCRIPT@" ? "examples/web/page.js" : "build/web/licences.txt"); \

@@ -2,7 +2,7 @@
    as a visitor would. FOLDER/native.bin has the same pictures by a native build. Screenshots go to FOLDER. */
 
 import { spawn } from 'node:child_process';
-import { existsSync, mkdtempSync, readdirSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { existsSync, mkdtempSync, readdirSync, readFileSync, rmSync, statSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { resolve } from 'node:path';
 
@@ -333,6 +333,7 @@ try {
     const {targetId} = targetInfos.find(target => target.type === 'page');
     session = (await send('Target.attachToTarget', {targetId, flatten: true})).sessionId;
     for (const domain of ['Page', 'Runtime', 'Log', 'DOM']) await send(`${domain}.enable`);
+    check(statSync(`${folder}/splatshadow.html`).size <= 3e6, 'the page has at most 3 MB');
     await send('Page.navigate', {url: `file://${folder}/splatshadow.html`});
     await until(`typeof steps === 'number' && steps > 0`, 'the page renders');
     await testPictures();

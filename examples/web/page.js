@@ -229,13 +229,13 @@ async function measure() {
     return done;
 }
 
-/* Tries a quality that is not shown; one that takes too long is left out. */
-function tryQuality(quality) {
+/* Tries a quality that is not shown; one that fails or takes too long is left out. */
+async function tryQuality(quality) {
     const began = performance.now();
     deadline = began + TRIAL_PATIENCE;
-    const ms = wasm.web_try(quality);
-    if (ms >= 0) curve.push({quality, ms}), showCurve();
-    return ms >= 0 || !wasCancelled() || performance.now() - began >= TRIAL_PATIENCE;
+    const done = await call('web_try', quality);
+    if (done) curve.push({quality, ms: +text(wasm.web_report())}), showCurve();
+    return done || performance.now() - began >= TRIAL_PATIENCE;
 }
 
 /* Step 0: the picture at rest and the plan; then passes of paths, amid which other qualities are tried. A step that

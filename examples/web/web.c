@@ -10,6 +10,7 @@
 #include "../blackbody.h"
 #include "../densities.h"
 #include "../nvdb.h"
+#include "../particles.h"
 #include "../vdb.h"
 #include "../volume_file.h"
 
@@ -22,7 +23,7 @@ __attribute__((import_module("page"), import_name("pending"))) int page_pending(
 static int page_pending(void) { return 0; }
 #endif
 
-enum { BLOB, SMOKE, CLOUD, FIRE, SCAN, PARTICLES, DROPPED };
+enum { BLOB, SMOKE, CLOUD, FIRE, SCAN, PARTICLES };
 enum { SAMPLED = 24, PARTICLE_COUNT = 20000, LARGEST_FILE = 400000000, VOXELS_MOST = 50000000, QUALITIES = 5 };
 
 /* One context renders moving pictures; the other, still ones and measurements. Each keeps its own voxels and cells. */
@@ -31,9 +32,9 @@ enum { MOVING, STILL, CONTEXTS };
 typedef struct web_state {
     sps_context *contexts[CONTEXTS];
     sps_scene scene;
-    sps_volume volumes[2];
-    sps_grid grids[2];
-    float *voxels[2];
+    sps_volume volume;
+    sps_grid grid; /* the volume's, unless it is a dropped file's */
+    float *voxels;
     sps_mesh ground;
     sps_particles set;
     sps_particle *particles;
@@ -97,27 +98,25 @@ static void set_ground(double height, double gray) {
 
 typedef double web_density(ex_vec p);
 
-/* Fills a volume with voxels of a function of position: evaluated once, since the reference reads them again. */
-static sps_volume *add_volume(ex_vec low, ex_vec high, int voxels, web_density *density) {
-    const int n = web.scene.volume_count++;
-    sps_volume *volume = &web.volumes[n];
-    sps_grid *grid = &web.grids[n];
-    memset(volume, 0, sizeof *volume), memset(grid, 0, sizeof *grid);
+/* Sets the volume to a function of position, evaluated once: the reference reads voxels again and again. */
+static sps_volume *set_volume(ex_vec low, ex_vec high, int voxels, web_density *density) {
+    sps_volume *volume = &web.volume;
+    memset(volume, 0, sizeof *volume), memset(&web.grid, 0, sizeof web.grid);
     ex_volume_box(volume, low, high, voxels);
     const size_t count = (size_t)volume->size[0] * (size_t)volume->size[1] * (size_t)volume->size[2];
     const double edge = volume->placement.axis[0][0] / volume->size[0];
-    free(web.voxels[n]);
-    float *out = web.voxels[n] = (float *)ex_allocate(count, sizeof(float));
+    free(web.voxels);
+    float *out = web.voxels = (float *)ex_allocate(count, sizeof(float));
     for (int z = 0; z < volume->size[2]; ++z)
         for (int y = 0; y < volume->size[1]; ++y)
             for (int x = 0; x < volume->size[0]; ++x)
                 *out++ = (float)density(
                     ex_vec_of(low.x + (x + 0.5) * edge, low.y + (y + 0.5) * edge, low.z + (z + 0.5) * edge));
-    grid->voxels = web.voxels[n], grid->format = SPS_VOXEL_F32;
-    memcpy(grid->size, volume->size, sizeof grid->size);
-    volume->read_fn = sps_grid_read, volume->range_fn = sps_grid_range, volume->user = grid;
+    web.grid.voxels = web.voxels, web.grid.format = SPS_VOXEL_F32;
+    memcpy(web.grid.size, volume->size, sizeof web.grid.size);
+    volume->read_fn = sps_grid_read, volume->range_fn = sps_grid_range, volume->user = &web.grid;
     volume->revision = ++web.revision;
-    web.scene.volumes = web.volumes;
+    web.scene.volumes = volume, web.scene.volume_count = 1;
     return volume;
 }
 
@@ -173,11 +172,6 @@ static void set_scan(sps_volume *volume, float greatest) {
     for (int c = 0; c < 3; ++c) web.scene.ambient[c] *= 0.3f;
 }
 
-static int particles_read(void *user, size_t first, size_t count, sps_particle *out) {
-    memcpy(out, (const sps_particle *)user + first, count * sizeof *out);
-    return 0;
-}
-
 /* Two arms of dust around a dense middle. */
 static void set_particles(void) {
     uint32_t random = 7;
@@ -194,7 +188,7 @@ static void set_particles(void) {
         p->optical_depth = 0.35f;
     }
     memset(&web.set, 0, sizeof web.set);
-    web.set.count = PARTICLE_COUNT, web.set.read_fn = particles_read, web.set.user = web.particles;
+    web.set.count = PARTICLE_COUNT, web.set.read_fn = ex_particles_read, web.set.user = web.particles;
     web.set.soft = 1;
     ex_color(web.set.albedo, 0.85, 0.75, 0.65);
     web.scene.particles = &web.set, web.scene.particle_set_count = 1;
@@ -206,7 +200,7 @@ static void set_gas(sps_volume *volume, double extinction, double red, double gr
 }
 
 static void set_fire(void) {
-    sps_volume *fire = add_volume(ex_vec_of(-0.5, -1, -0.5), ex_vec_of(0.5, 0.8, 0.5), 80, fire_density);
+    sps_volume *fire = set_volume(ex_vec_of(-0.5, -1, -0.5), ex_vec_of(0.5, 0.8, 0.5), 80, fire_density);
     ex_temperature_points(2300, 60, 1, web.points);
     web.transfer.points = web.points, web.transfer.point_count = EX_TEMPERATURE_POINTS;
     fire->transfer = &web.transfer;
@@ -238,30 +232,30 @@ static void free_dropped(void) {
 
 /* Returns 0; 1: out of memory, or no such scene. */
 int WEB_CALL(web_choose)(int number) {
-    static const sps_config config = {0};
     const ex_vec low = ex_vec_of(-1, -1, -1), high = ex_vec_of(1, 1, 1);
     if (number < BLOB || number > PARTICLES) return ex_fail(&web.error, "there is no scene %d", number);
     for (int i = 0; i < CONTEXTS && !web.contexts[i]; ++i) {
-        sps_config own = config;
-        own.clock_fn = web_clock, own.progress_fn = web_progress;
-        web.contexts[i] = sps_create(&own, NULL);
+        sps_config config;
+        memset(&config, 0, sizeof config);
+        config.clock_fn = web_clock, config.progress_fn = web_progress;
+        web.contexts[i] = sps_create(&config, NULL);
         if (!web.contexts[i]) return ex_fail(&web.error, "there is no memory for a context");
     }
     free_dropped();
     begin_scene();
     switch (number) {
     case BLOB:
-        set_gas(add_volume(low, high, 64, blob_density), 6, 0.7, 0.8, 0.9);
+        set_gas(set_volume(low, high, 64, blob_density), 6, 0.7, 0.8, 0.9);
         ex_color(web.light.color, 9, 8, 7);
         set_ground(-0.8, 0.3);
         break;
     case SMOKE:
-        set_gas(add_volume(low, high, 96, smoke_density), 9, 0.6, 0.58, 0.56);
+        set_gas(set_volume(low, high, 96, smoke_density), 9, 0.6, 0.58, 0.56);
         set_ground(-1, 0.35);
         break;
-    case CLOUD: set_gas(add_volume(low, high, 96, cloud_density), 30, 1, 0.99, 0.98); break;
+    case CLOUD: set_gas(set_volume(low, high, 96, cloud_density), 30, 1, 0.99, 0.98); break;
     case FIRE: set_fire(); break;
-    case SCAN: set_scan(add_volume(low, high, 128, scan_density), 1); break;
+    case SCAN: set_scan(set_volume(low, high, 128, scan_density), 1); break;
     default: set_particles(); break;
     }
     return 0;
@@ -282,17 +276,16 @@ static int check_room(const char *path, const int size[3], size_t each) {
     return room ? 0 : ex_fail(&web.error, "%s: %.1f million voxels are too many for the page", path, 1e-6 * voxels);
 }
 
-/* Refuses values that no picture can show. */
-static int check_values(const char *path, double least, double greatest) {
-    if (!(least >= 0 && greatest < 1e18))
-        return ex_fail(&web.error, "%s: some values are below 0, above 1e18 or no numbers", path);
+/* Refuses values that no picture can show. Blocks with such values have a range up to 1e18. */
+static int check_values(const char *path, float greatest) {
+    if (!(greatest < 1e18f)) return ex_fail(&web.error, "%s: some values are no numbers, or above 1e18", path);
     return greatest > 0 ? 0 : ex_fail(&web.error, "%s: no voxel is above 0", path);
 }
 
 static int open_sparse(const char *path, ex_sparse *sparse, sps_volume *volume, float *greatest) {
     const ex_sparse_format *format = ends_with(path, ".nvdb") ? &ex_nvdb : &ex_vdb;
     if (ex_sparse_open(format, sparse, path, NULL, LARGEST_FILE, &web.error)) return 1;
-    if (ex_sparse_highest(sparse, greatest, &web.error) || check_values(path, 0, (double)*greatest)) return 1;
+    if (ex_sparse_highest(sparse, greatest, &web.error) || check_values(path, *greatest)) return 1;
     memcpy(volume->size, sparse->size, sizeof volume->size);
     volume->placement = ex_sparse_placement(sparse);
     volume->read_fn = ex_sparse_read, volume->range_fn = ex_sparse_range, volume->user = &web.sparse;
@@ -300,15 +293,9 @@ static int open_sparse(const char *path, ex_sparse *sparse, sps_volume *volume, 
     return 0;
 }
 
-static void place_dense(const ex_volume_file *file, int is_scan, sps_placement *placement) {
-    for (int k = 0; k < 3; ++k) {
-        placement->origin[k] = file->origin[k];
-        for (int a = 0; a < 3; ++a) {
-            placement->axis[a][k] = file->step[a][k] * file->voxels.size[a];
-            placement->origin[k] -= 0.5 * file->step[a][k];
-        }
-    }
-    for (int n = 0; n < 4 && is_scan; ++n) { /* a patient's z is upwards */
+/* A patient's z is upwards. */
+static void stand_up(sps_placement *placement) {
+    for (int n = 0; n < 4; ++n) {
         double *v = n < 3 ? placement->axis[n] : placement->origin;
         const double up = v[2];
         v[2] = -v[1], v[1] = up;
@@ -317,20 +304,18 @@ static void place_dense(const ex_volume_file *file, int is_scan, sps_placement *
 
 static int open_dense(const char *path, ex_grid *dense, sps_volume *volume, float *greatest) {
     ex_volume_file file;
-    float least = 1;
     if (!ex_volume_format_of(path))
         return ex_fail(&web.error, "%s: not a .nrrd, .nii, .nii.gz, .mha, .npy, .npz, .vdb or .nvdb file", path);
     if (ex_volume_file_read(&file, path, &web.error)) return 1;
     if (check_room(path, file.voxels.size, ex_type_size(file.voxels.type))) return 1;
     file.voxels.max_bytes = LARGEST_FILE;
     if (ex_grid_load(dense, &file.voxels, &web.error)) return 1;
-    for (size_t i = 0; i < (size_t)dense->blocks[0] * (size_t)dense->blocks[1] * (size_t)dense->blocks[2]; ++i) {
+    for (size_t i = 0; i < (size_t)dense->blocks[0] * (size_t)dense->blocks[1] * (size_t)dense->blocks[2]; ++i)
         *greatest = fmaxf(*greatest, dense->ranges[2 * i + 1]);
-        if (dense->ranges[2 * i + 1] >= 1e18f) least = -1;
-    }
-    if (check_values(path, (double)least, (double)*greatest)) return 1;
+    if (check_values(path, *greatest)) return 1;
     memcpy(volume->size, file.voxels.size, sizeof volume->size);
-    place_dense(&file, !ex_type_is_float(file.voxels.type), &volume->placement);
+    volume->placement = ex_volume_file_placement(&file);
+    if (!ex_type_is_float(file.voxels.type)) stand_up(&volume->placement);
     volume->read_fn = ex_grid_read, volume->range_fn = ex_grid_range, volume->user = &web.dense;
     return 0;
 }
@@ -367,13 +352,13 @@ int WEB_CALL(web_open)(const char *path) {
     web.dense = dense, web.sparse = sparse;
     begin_scene();
     look_at(&volume);
-    web.volumes[0] = volume;
-    web.volumes[0].revision = ++web.revision;
-    web.scene.volumes = web.volumes, web.scene.volume_count = 1;
+    web.volume = volume;
+    web.volume.revision = ++web.revision;
+    web.scene.volumes = &web.volume, web.scene.volume_count = 1;
     if (!is_sparse && !ex_type_is_float(dense.type))
-        set_scan(&web.volumes[0], greatest);
+        set_scan(&web.volume, greatest);
     else
-        set_gas(&web.volumes[0], 60 / web.size / (double)greatest, 0.9, 0.9, 0.9);
+        set_gas(&web.volume, 60 / web.size / (double)greatest, 0.9, 0.9, 0.9);
     return 0;
 }
 
@@ -410,14 +395,14 @@ static void set_matrix(int step, int first, int columns, int rows, double matrix
     const double off = 2 * (first + 0.5 - 0.5 * step), zoom = 1 / tan(0.25);
     const double left = wide - 1 + off / web.width, top = 1 - high - off / web.height;
     const double across = zoom * web.height / web.width;
-    const ex_vec rows_of[3] = {
-        ex_vec_scale(ex_vec_sub(ex_vec_scale(right, across), ex_vec_scale(ahead, left)), 1 / wide),
-        ex_vec_scale(ex_vec_sub(ex_vec_scale(up, zoom), ex_vec_scale(ahead, top)), 1 / high), ahead};
+    const ex_vec axes[3] = {ex_vec_scale(ex_vec_sub(ex_vec_scale(right, across), ex_vec_scale(ahead, left)), 1 / wide),
+                            ex_vec_scale(ex_vec_sub(ex_vec_scale(up, zoom), ex_vec_scale(ahead, top)), 1 / high),
+                            ahead};
     memset(matrix, 0, 16 * sizeof *matrix);
     for (int i = 0; i < 3; ++i) {
         double *row = matrix + 4 * (i == 2 ? 3 : i);
-        row[0] = rows_of[i].x, row[1] = rows_of[i].y, row[2] = rows_of[i].z;
-        row[3] = -ex_vec_dot(rows_of[i], eye);
+        row[0] = axes[i].x, row[1] = axes[i].y, row[2] = axes[i].z;
+        row[3] = -ex_vec_dot(axes[i], eye);
     }
     matrix[11] = 2;
 }
@@ -459,11 +444,15 @@ static void encode(int width, int height) {
         }
 }
 
-static sps_view view_of(double matrix[16]) {
+/* The whole picture at a quality, seen through `matrix`, which this fills. */
+static sps_view view_of(int quality, double matrix[16]) {
     sps_view view;
     memset(&view, 0, sizeof view);
+    set_light();
+    set_matrix(1, 0, web.width, web.height, matrix);
     view.camera.world_to_clip = matrix;
     view.width = web.width, view.height = web.height;
+    view.quality = (sps_quality)quality;
     return view;
 }
 
@@ -473,13 +462,8 @@ int WEB_CALL(web_frame)(int width, int height, double milliseconds, int quality)
     double matrix[16];
     sps_stats_report stats;
     set_size(width, height);
-    set_light();
-    set_matrix(1, 0, width, height, matrix);
-    sps_view view = view_of(matrix);
-    if (milliseconds > 0)
-        view.budget_seconds = 0.001 * milliseconds, view.budget_scale_min = 0.5;
-    else
-        view.quality = (sps_quality)quality;
+    sps_view view = view_of(milliseconds > 0 ? 0 : quality, matrix);
+    if (milliseconds > 0) view.budget_seconds = 0.001 * milliseconds, view.budget_scale_min = 0.5;
     const sps_image image = {web.rgba, NULL, 0};
     if (sps_render(web.contexts[context], &web.scene, &view, &image)) return web_fail(context);
     sps_get_stats(web.contexts[context], &stats);
@@ -498,9 +482,7 @@ int WEB_CALL(web_plan)(int quality) {
     double matrix[16];
     sps_plan_report plan;
     size_t length = 0;
-    set_matrix(1, 0, web.width, web.height, matrix);
-    sps_view view = view_of(matrix);
-    view.quality = (sps_quality)quality;
+    const sps_view view = view_of(quality, matrix);
     if (sps_plan(web.contexts[STILL], &web.scene, &view, &plan)) return web_fail(STILL);
     for (int i = 0; i < SPS_PASS_COUNT; ++i) {
         const sps_pass_report *pass = &plan.pass[i];
@@ -513,8 +495,7 @@ int WEB_CALL(web_plan)(int quality) {
     return 0;
 }
 
-/* ----------------------------------------------------------------------------------------------- what accuracy costs
- */
+/* ---------------------------------------------------------------------------------------------- what accuracy costs */
 
 /* Adds paths through every step-th pixel, for the error of a picture as it stands. Returns 0, or 1. */
 int WEB_CALL(web_measure)(int paths) {
@@ -532,9 +513,8 @@ int WEB_CALL(web_measure)(int paths) {
         web.deviation = (float *)ex_allocate(count, 3 * sizeof(float));
         for (int q = 0; q < QUALITIES; ++q) free(web.tried[q]), web.tried[q] = NULL;
     }
-    set_light();
+    sps_view view = view_of(0, matrix);
     set_matrix(web.step, web.step / 2, web.columns, web.rows, matrix);
-    sps_view view = view_of(matrix);
     view.width = web.columns, view.height = web.rows;
     memset(&settings, 0, sizeof settings);
     settings.step = 1, settings.samples = paths, settings.seed = (uint64_t)web.passes + 1;
@@ -549,6 +529,12 @@ int WEB_CALL(web_measure)(int paths) {
     return 0;
 }
 
+/* Number i of the sampled pixels' channels, in a picture. */
+static float sampled(const float *picture, int i) {
+    const int x = i / 3 % web.columns * web.step + web.step / 2, y = i / 3 / web.columns * web.step + web.step / 2;
+    return picture[4 * (y * web.width + x) + i % 3];
+}
+
 /* The root mean square difference to the paths' mean, less their noise, over their mean radiance; or, with `noise`,
    that noise. Quality 0: the picture shown; else one that web_try has rendered. -1: nothing is measured yet. */
 double WEB_CALL(web_difference)(int quality, int noise) {
@@ -556,8 +542,7 @@ double WEB_CALL(web_difference)(int quality, int noise) {
     double difference = 0, variance = 0, mean = 0;
     if (passes == 0 || quality < 0 || quality >= QUALITIES || (quality && !web.tried[quality])) return -1;
     for (int i = 0; i < count; ++i) {
-        const int x = i / 3 % web.columns * web.step + web.step / 2, y = i / 3 / web.columns * web.step + web.step / 2;
-        const float shown = quality ? web.tried[quality][i] : web.rgba[4 * (y * web.width + x) + i % 3];
+        const float shown = quality ? web.tried[quality][i] : sampled(web.rgba, i);
         const double exact = (double)web.sums[i] / passes;
         mean += exact / count;
         difference += pow((double)shown - exact, 2) / count;
@@ -566,27 +551,22 @@ double WEB_CALL(web_difference)(int quality, int noise) {
     return sqrt(fmax(noise ? variance : difference - variance, 0)) / fmax(mean, 1e-12);
 }
 
-/* Renders a frame of a quality that is not shown, twice, and returns the milliseconds of the second, for which light is
-   cached; -1: it failed. web_measure must have been called. */
-double WEB_CALL(web_try)(int quality) {
+/* Renders a frame of a quality that is not shown, twice, and reports the milliseconds of the second, for which light is
+   cached. web_measure must have been called. Returns 0, or 1. */
+int WEB_CALL(web_try)(int quality) {
     double matrix[16];
     sps_stats_report stats;
     const int count = 3 * web.columns * web.rows;
-    set_light();
-    set_matrix(1, 0, web.width, web.height, matrix);
-    sps_view view = view_of(matrix);
-    view.quality = (sps_quality)quality;
+    const sps_view view = view_of(quality, matrix);
     const sps_image image = {web.other, NULL, 0};
     for (int i = 0; i < 2; ++i)
-        if (sps_render(web.contexts[STILL], &web.scene, &view, &image)) return web_fail(STILL), -1;
+        if (sps_render(web.contexts[STILL], &web.scene, &view, &image)) return web_fail(STILL);
     sps_get_stats(web.contexts[STILL], &stats);
     free(web.tried[quality]);
     web.tried[quality] = (float *)ex_allocate((size_t)count, sizeof(float));
-    for (int i = 0; i < count; ++i) {
-        const int x = i / 3 % web.columns * web.step + web.step / 2, y = i / 3 / web.columns * web.step + web.step / 2;
-        web.tried[quality][i] = web.other[4 * (y * web.width + x) + i % 3];
-    }
-    return 1e3 * stats.seconds_total;
+    for (int i = 0; i < count; ++i) web.tried[quality][i] = sampled(web.other, i);
+    snprintf(web.report, sizeof web.report, "%.2f", 1e3 * stats.seconds_total);
+    return 0;
 }
 
 const float *WEB_CALL(web_rgba)(void) { return web.rgba; }

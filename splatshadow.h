@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT OR Unlicense
 
-splatshadow.h 0.4.0 (2026-11-28): renders volumes, gases, particles and polygons into correctly shadowed images, and
+splatshadow.h 0.5.0 (2026-12-01): renders volumes, gases, particles and polygons into correctly shadowed images, and
 into shadow maps for engines, on the CPU.
 MIT or public domain, as you choose (full text at the end of this file).
 
@@ -155,7 +155,7 @@ PAPERS
 #include <stddef.h>
 #include <stdint.h>
 
-#define SPS_VERSION 400 /* major*10000 + minor*100 + patch; sps_version() returns the compiled one */
+#define SPS_VERSION 500 /* major*10000 + minor*100 + patch; sps_version() returns the compiled one */
 #ifndef SPS_API
 #define SPS_API extern
 #endif
@@ -170,10 +170,10 @@ typedef enum sps_result {
     SPS_ERROR_ARGUMENT,    /* a field is missing or outside its documented range */
     SPS_ERROR_MEMORY,      /* the allocator returned NULL, or memory_limit would be exceeded */
     SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero, called into its context, or threw */
-    SPS_ERROR_DATA,        /* a callback delivered a value that is negative, above 1e18 or not finite */
-    SPS_ERROR_UNSUPPORTED, /* no slicing direction suits camera and light (SPS_SHADOW_SHEETS); or sps_reference needs
-                              paths for the view's scattering; or values exceed the range of floats; or a scene has
-                              strands */
+    SPS_ERROR_DATA,        /* a callback delivered a value that is not finite, or outside its documented range */
+    SPS_ERROR_UNSUPPORTED, /* each value is legal, but not together: no slicing direction suits camera and light
+                              (SPS_SHADOW_SHEETS), numbers exceed the range of floats, a budget's error cannot be met,
+                              or the call or technique has no such feature */
     SPS_ERROR_CANCELLED    /* progress_fn returned non-zero */
 } sps_result;
 
@@ -206,8 +206,8 @@ typedef struct sps_error_info {
        After sps_tmap_finish, it counts across all scenes added to the map. */
     int index;
     /* Member of the object in C syntax ("transfer.points[2].value"; colors and directions as a whole), or the callback
-       that failed. SPS_ERROR_DATA: the value ("particle[7].radius"). Inside sps_grid and sps_indexed_mesh:
-       "grid.scale", "arrays.positions". "": the object as a whole. */
+       that failed. SPS_ERROR_DATA: the value ("particle[7].radius"; voxels: "value"), or the callback that delivered
+       it. Inside sps_grid and sps_indexed_mesh: "grid.scale", "arrays.positions". "": the object as a whole. */
     char field[64];
     double value;       /* the field's value, the callback's result, or another number in the sentence */
     char sentence[256]; /* as returned by sps_error */
@@ -422,8 +422,8 @@ typedef struct sps_indexed_mesh {
     const float *normals;   /* three floats per vertex; NULL: mesh.has_normals must be 0 */
     const float *albedos;   /* three floats per vertex; NULL: mesh.has_albedos must be 0 */
     const float *uvs;       /* two floats per vertex; NULL: all 0 */
-    size_t position_stride, normal_stride, albedo_stride; /* bytes from one vertex to the next; 0: 12, packed */
-    size_t uv_stride;                                    /* 0: 8, packed */
+    size_t position_stride, normal_stride, albedo_stride; /* bytes from vertex to vertex, at least 12; 0: packed */
+    size_t uv_stride;                                     /* at least 8; 0: packed */
     size_t triangle_count;
     /* Three indices per triangle, in one of these. Both NULL: vertices 0, 1, 2 are the first triangle, 3, 4, 5 the
        second .. */
@@ -473,7 +473,7 @@ typedef struct sps_strand_point {
    up to a quarter turn are mitred where segments are long enough. The light must be many widths away. */
 typedef struct sps_strands {
     uint32_t start_canary; /* leave 0 */
-    size_t count;          /* points, 0: no strands; at most 2^29, over all sets of a map */
+    size_t point_count;    /* 0: no strands; at most 2^29, over all sets of a map */
     /* Writes `count` points, beginning at index `first`. Called once for each block of up to 4096. `out` arrives
        zeroed. Where the scene replaces invalid data, an invalid point cuts its strand. */
     int (*read_fn)(void *user, size_t first, size_t count, sps_strand_point *out);
@@ -483,43 +483,43 @@ typedef struct sps_strands {
 
 /* How a transmittance map stores optical depth along each texel's ray. u runs from 0 at near_depth to 1 at far_depth; n
    stands for `components`. Deep and compressed maps take 3 to 33 times as long to make as SPS_TMAP_DEFAULT.
-   docs/shadow_maps.md helps to choose. */
+   docs/shadow_maps.md helps to choose. Shaders read these numbers, which stay. */
 typedef enum sps_tmap_technique {
     /* SPS_TMAP_DEEP_OPACITY with `cubic`. As a light's shadow_map: SPS_TMAP_TABLE. */
     SPS_TMAP_DEFAULT = 0,
     /* Every interval of every occluder: exact along the texels' rays, for reference. 16 bytes per interval and 4 per
        texel. No components. */
-    SPS_TMAP_DEEP,
+    SPS_TMAP_DEEP = 1,
     /* Deep shadow map [Lokovic & Veach 2000]: a polyline of transmittance, within `epsilon` along each texel's ray. If
        n is 4, 6 .. 64: at most n / 2 nodes, no error bound [after Salvi et al. 2010]. 8 bytes per node and 4 per texel.
        Default: no components. */
-    SPS_TMAP_COMPRESSED,
+    SPS_TMAP_COMPRESSED = 2,
     /* Optical depth at n planes, u = 1/n .. 1 or as set by `planes` [Kim & Neumann 2001]: exact there, bounded in
        between. n 1..65, default 8. */
-    SPS_TMAP_OPACITY,
+    SPS_TMAP_OPACITY = 3,
     /* Deep opacity map, after [Yuksel & Keyser 2008]: planes span the texel's range, whose ends come first: where gas
        begins and ends, but for thin occluders far from the rest. Sharp for thin shells; no gain for two distant
        clumps. n 3..65, default 8. */
-    SPS_TMAP_DEEP_OPACITY,
+    SPS_TMAP_DEEP_OPACITY = 4,
     /* Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact at u = 1; before that, it rings by
        up to 9 % of a step. Periodic: leave room at both ends of the range, or set texel_range. n 3, 5 .. 65, default 7;
        two more with texel_range. */
-    SPS_TMAP_FOURIER,
+    SPS_TMAP_FOURIER = 5,
     /* 4 or 6 moments of extinction along the ray [Muenstermann et al. 2018]: the total, and the means of z .. z^(n-1)
        with z = 2u - 1. Queries return the middle of the implied bounds, and are slow. Blurs, never rings; exact at u =
        1. n 5 or 7, default 5. */
-    SPS_TMAP_MOMENT,
+    SPS_TMAP_MOMENT = 6,
     /* Beer shadow map: u where gas begins, u where it ends, and the total. Exact for one uniform interval, and behind
        everything; fills gaps between clumps. 3 components. */
-    SPS_TMAP_BEER,
+    SPS_TMAP_BEER = 7,
     /* Only for sps_light.shadow_map: a shadow table, after [Ebert & Parent 1990]. Optical depth at n evenly spaced
        planes, interpolated linearly, quantised to 16 / 65535; beyond 16 all is dark (FORWARD: 64). n 8..1024. Default:
        entries as wide and long as a texel of the light's sheets, at most 256 along each side. At most 2^28 entries of 4
        bytes. Cached from call to call. */
-    SPS_TMAP_TABLE,
+    SPS_TMAP_TABLE = 8,
     /* Shadow map [Williams 1978]: only the depth of the first opaque surface (sps_tmap_surfaces), no gas or translucent
        polygons. An error in sps_light.shadow_map. No components. */
-    SPS_TMAP_DEPTH
+    SPS_TMAP_DEPTH = 9
 } sps_tmap_technique;
 
 /* All zero except far_depth means cubic deep opacity with 8 components. For sps_light.shadow_map, all zero means a
@@ -648,10 +648,10 @@ typedef struct sps_scene {
     /* Instead of `background`: radiance along unit directions (packed triples), one row of pixels per call. */
     int (*background_fn)(void *user, size_t count, const float *directions, float *out_rgb);
     void *background_user;
-    /* The sky: radiance from unit directions (packed triples), added to `ambient`; NULL: none. Called once, on the
-       caller's thread, by sps_plan, too, for 9216 directions about 2 degrees apart: return means over such an angle.
-       Polygons shadow each other from it. Gas is lit by direction with multiple scattering, otherwise by the sky's
-       mean. Translucent polygons do not filter the light that enters gas. */
+    /* The sky: radiance from unit directions (packed triples), added to `ambient`; NULL: none. The eye does not see it
+       (background_fn). Called once, on the caller's thread, by sps_plan, too, for 9216 directions about 2 degrees
+       apart: return means over such an angle. Polygons shadow each other from it. Gas is lit by direction with multiple
+       scattering, otherwise by the sky's mean. Translucent polygons do not filter the light that enters gas. */
     int (*sky_fn)(void *user, size_t count, const float *directions, float *out_rgb);
     void *sky_user;
     /* 1: invalid values of volumes and projectors become 0, and invalid particles and points of strands are ignored;
@@ -659,7 +659,7 @@ typedef struct sps_scene {
     int replace_invalid;
     const sps_particles *particles;
     int particle_set_count; /* sets of particles, up to 64 that are not empty */
-    const sps_strands *strands; /* only sps_tmap_add takes them: other calls require a count of 0 */
+    const sps_strands *strands; /* only sps_tmap_add takes them; other calls allow empty sets alone */
     int strand_set_count;
     uint32_t end_canary;    /* leave 0 */
 } sps_scene;
@@ -882,7 +882,7 @@ typedef struct sps_plan_report {
     int eye_gathered, light_gathered, cells_gathered;
     const char *eye_filling, *light_filling, *cells_filling;
     /* SPS_SCATTERING_AUTO: as in sps_stats_report if volumes are cached, or with polygons; otherwise -1. */
-    double scatter_bound;
+    double scattering_bound;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls; /* exact */
     uint64_t voxels_read;     /* exact, with block borders counted each time */
     /* Chosen before reading, as if volumes filled their boxes and AUTO meant MULTIPLE. sps_render may choose
@@ -919,11 +919,9 @@ typedef struct sps_stats_report {
     /* Bounds on the error from sps_view.tolerance along any ray of the eye, and of a light's sheets. */
     float eye_bound, light_bound;
     uint64_t tables_made, tables_held; /* shadow tables made, and reused from the last call */
-    /* Patches of these tables, up to 8 x 8 texels over all depths: made, and reused. */
-    uint64_t table_patches_made, table_patches_held;
     /* Cells lit and solved; SPS_SCATTERING_CONVOLUTION: texels of all lights' sheets. 0: cached, or not needed. */
     uint64_t cells;
-    double scatter_bound; /* SPS_SCATTERING_AUTO: bound on multiple relative to single scattering; at most 1e6 */
+    double scattering_bound; /* SPS_SCATTERING_AUTO: bound on multiple relative to single scattering; at most 1e6 */
     /* Texels times planes times points of lights that cast penumbrae in gas; 0: all shadows in gas were hard. */
     uint64_t soft_texels;
     uint64_t pixels_shaded;   /* pixels times slabs that contain something */
@@ -962,9 +960,10 @@ typedef struct sps_tmap_info {
     sps_tmap_settings settings; /* resolved: never SPS_TMAP_DEFAULT, actual components; planes belong to the map */
 } sps_tmap_info;
 
-/* Constants for a shader that reads a face of a map: a std140 block or constant buffer of 128 bytes. struct tmap in
-   examples/shaders/ begins with the same members. The rows are the matrix of sps_tmap_get_projection in floats: with p
-   = (x, y, z, 1), the texel is (row_x . p, row_y . p) / (row_w . p), the distance row_distance . p. */
+/* Constants for a shader that reads a face of a map: a std140 block or constant buffer of 128 bytes, which later
+   versions extend at its end. struct tmap in examples/shaders/ begins with the same members. The rows are the matrix of
+   sps_tmap_get_projection in floats: with p = (x, y, z, 1), the texel is (row_x . p, row_y . p) / (row_w . p), the
+   distance row_distance . p. */
 typedef struct sps_tmap_constants {
     float row_x[4], row_y[4], row_w[4], row_distance[4]; /* at bytes 0, 16, 32, 48 */
     int32_t technique, components;                       /* sps_tmap_technique; 0 components: intervals or nodes */
@@ -1004,7 +1003,7 @@ typedef enum sps_export_content {
     /* The Beer shadow map of engines, from a deep or compressed map: distance from the light, along its axis, to the
        first gas (none: far_depth), mean extinction over the lengths that contain gas, total optical depth. Readers take
        min(total, extinction * distance behind the first gas). */
-    SPS_EXPORT_BEER
+    SPS_EXPORT_ENGINE_BEER
 } sps_export_content;
 
 typedef struct sps_tmap_export_settings {
@@ -1016,7 +1015,7 @@ typedef struct sps_tmap_export_settings {
     /* 0: texels without gas take the range or moments of their neighbours, so that filtering mixes nothing else. 1:
        texels stay as they are. */
     int keep_empty;
-    /* BEER: world units per unit of distance, and per unit of the length that extinction refers to; 0: 1. For
+    /* ENGINE_BEER: world units per unit of distance, and per unit of the length that extinction refers to; 0: 1. For
        kilometres and extinction per metre in a world of centimetres: 1e5 and 100. */
     double distance_unit, extinction_unit;
     uint32_t end_canary; /* leave 0 */
@@ -1046,7 +1045,8 @@ typedef struct sps_context sps_context; /* opaque */
 
 /* ============================================================================================ >>functions */
 
-/* Returns the SPS_VERSION of the compiled implementation. */
+/* Returns the SPS_VERSION of the compiled implementation. The header must have the same: structs differ between
+   versions. */
 SPS_API int sps_version(void);
 
 /* Creates a context, which the caller must free with sps_destroy. config may be NULL: all defaults. Returns NULL on
@@ -1087,14 +1087,16 @@ SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, c
                                  const sps_reference_settings *settings, const sps_image *image);
 
 /* Computes the light that arrives at `count` world positions (packed triples), in gas as cells of
-   scattering_resolution hold it. Only the view's quality and scattering count. Polygons have the mesh's albedo on both
-   sides; points inside solids see their inner walls. Surface-shaded volumes count as gas. Positions that are not finite
-   or beyond 1e15: all 0. Time is proportional to points and 64, 128, 256 or 512 rays each, by quality; docs/manual.md,
-   section 5, has errors. Errors: all of sps_render's; UNSUPPORTED also with a budget, FORWARD or CONVOLUTION. */
+   scattering_resolution hold it. The view must be legal; only its quality, scattering and no_shadows count besides.
+   Polygons have the mesh's albedo on both sides; points inside solids see their inner walls. Surface-shaded volumes
+   count as gas. Positions that are not finite or beyond 1e15: all 0. Time is proportional to points and 64, 128, 256 or
+   512 rays each, by quality; docs/manual.md, section 5, has errors. Errors: all of sps_render's; UNSUPPORTED also with
+   a budget, FORWARD or CONVOLUTION. */
 SPS_API sps_result sps_light_probes(sps_context *context, const sps_scene *scene, const sps_view *view, size_t count,
                                     const double *positions, const sps_probe_arrays *out);
 
-/* Reports the work of the last call that rendered, planned or made a map, even if it failed. Footprints splatted into
+/* Reports the work of the last call that rendered, planned, or made or exported a map, even if it failed. Its members
+   follow the algorithm and may change with any version. Footprints splatted into
    maps are not counted. If context is NULL, the report is zeroed. */
 SPS_API void sps_get_stats(const sps_context *context, sps_stats_report *report);
 
@@ -1116,9 +1118,8 @@ SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float
 SPS_API int sps_indexed_mesh_read(void *indexed, size_t first, size_t count, sps_triangle *out);
 
 /* Creates a transmittance map, for shadow lookups in an engine: add occluders, finish, query. The caller frees it with
-   sps_tmap_destroy. settings and light are copied with all that they point to. A call on a map counts as a call on its
-   context, unless it only reads the map, as queries do. Errors: ARGUMENT, MEMORY (also byte_budget); *map is NULL
-   then. */
+   sps_tmap_destroy. settings and light are copied with all that they point to. Calls on a map count as calls on its
+   context, except those that take a const map. Errors: ARGUMENT, MEMORY (also byte_budget); *map is NULL then. */
 SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *light, const sps_tmap_settings *settings,
                                    sps_tmap **map);
 
@@ -1135,9 +1136,10 @@ SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 
 /* Takes particles out of a finished map and adds others, in time proportional to these: for OPACITY and MOMENT maps,
    and FOURIER without texel_range. Both scenes have particles alone; either may be NULL. Removed particles must be as
-   they were added. Callbacks are called before this returns. Optical depths drift by about 1e-7 of the largest per
-   update. After a failure other than ARGUMENT and UNSUPPORTED, the map can only be destroyed. Errors: ARGUMENT (not
-   finished; a field of a scene), UNSUPPORTED (other techniques; other than particles), and all of sps_tmap_finish's. */
+   they were added. Callbacks are called before this returns; queries must not run meanwhile. Optical depths drift by
+   about 1e-7 of the largest per update. After a failure other than ARGUMENT and UNSUPPORTED, the map can only be
+   destroyed. Errors: ARGUMENT (not finished; a field of a scene), UNSUPPORTED (other techniques; other than particles),
+   and all of sps_tmap_finish's. */
 SPS_API sps_result sps_tmap_update(sps_tmap *map, const sps_scene *removed, const sps_scene *added);
 
 /* Writes optical depth and transmittance between the light and each of `count` world positions (packed triples); either
@@ -1164,8 +1166,8 @@ SPS_API sps_result sps_tmap_bounds(const sps_tmap *map, size_t count, const doub
    depth, softness), compressed maps nodes (u, transmittance), texel after texel. Softness is 0 for uniform density, 1
    for a soft particle's chord, less if the light lies inside it. Gas behind u = 1 counts there. Six faces
    follow each other, +x -x +y -y +z -z. Columns and rows run along the next two axes, y z, z x or x y. Centres of
-   outermost texels lie on the cube's edges: not a hardware cube map. Valid until sps_tmap_destroy; NULL before
-   sps_tmap_finish. examples/shaders/ samples them as sps_tmap_query does. */
+   outermost texels lie on the cube's edges: not a hardware cube map. Valid until sps_tmap_destroy; NULL unless the map
+   is finished. examples/shaders/ samples them as sps_tmap_query does. */
 SPS_API const float *sps_tmap_texels(const sps_tmap *map);
 
 /* Deep and compressed maps: returns the index of each texel's first interval or node, followed by the total. Valid as
@@ -1194,7 +1196,7 @@ SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tma
    texture, without `clamped`, scale and offset. Time is proportional to texels * components. Errors, which leave both
    untouched except after a cancel: ARGUMENT (also fewer bytes than texture->bytes, cube maps of one face, no surfaces),
    UNSUPPORTED (content that the technique lacks, surfaces as UNORM), MEMORY, CANCELLED. */
-SPS_API sps_result sps_tmap_export(const sps_tmap *map, const sps_tmap_export_settings *settings, void *texels,
+SPS_API sps_result sps_tmap_export(sps_tmap *map, const sps_tmap_export_settings *settings, void *texels,
                                    size_t bytes, sps_tmap_texture *texture);
 
 /* Writes size and settings of the map, finished or not. Errors, leaving info untouched: ARGUMENT (either is NULL). */
@@ -3086,7 +3088,7 @@ static void spsi_emission_at_value(const spsi_material *material, double value, 
     out[3] = (out[0] + out[1] + out[2]) / 3;
 }
 
-/* Checks points[i], or eval_fn's result if i < 0. */
+/* Checks points[i], or if i < 0, eval_fn's result, which is data. */
 SPSI_COLD sps_result spsi_transfer_check_point(const spsi_subject *at, const sps_transfer_point *point, int i,
                                                float value) {
     const float *color = spsi_bad_color(point->albedo, 1), *glow = spsi_bad_color(point->emission, SPSI_VALUE_MAX);
@@ -3098,10 +3100,11 @@ SPSI_COLD sps_result spsi_transfer_check_point(const spsi_subject *at, const sps
         SPS_SNPRINTF(field, sizeof field, "eval_fn(%g).%s", (double)value, member);
     else
         SPS_SNPRINTF(field, sizeof field, "points[%d].%s", i, member);
-    return spsi_wrong(at, field, (double)(bad ? *bad : point->extinction),
-                      color  ? "red, green and blue must be 0..1"
-                      : glow ? "red, green and blue must be 0..1e18"
-                             : "it must be 0..1e18");
+    return spsi_fail_member(at, i < 0 ? SPS_ERROR_DATA : SPS_ERROR_ARGUMENT, field,
+                            (double)(bad ? *bad : point->extinction),
+                            color  ? "red, green and blue must be 0..1"
+                            : glow ? "red, green and blue must be 0..1e18"
+                                   : "it must be 0..1e18");
 }
 
 SPSI_COLD void spsi_transfer_at_points(const sps_transfer *transfer, float value, sps_transfer_point *out) {
@@ -4668,6 +4671,17 @@ SPSI_COLD sps_result spsi_check_volume(sps_context *context, const sps_volume *v
     return spsi_check_color(&at, "emission", volume->emission, SPSI_VALUE_MAX);
 }
 
+/* Refuses strides shorter than what they step over: numbers of floats, by mistake. */
+SPSI_COLD sps_result spsi_check_strides(const spsi_subject *at, const sps_indexed_mesh *arrays) {
+    static const char *const names[] = {"position_stride", "normal_stride", "albedo_stride", "uv_stride"};
+    const size_t strides[] = {arrays->position_stride, arrays->normal_stride, arrays->albedo_stride, arrays->uv_stride};
+    for (int i = 0; i < 4; ++i)
+        if (strides[i] > 0 && strides[i] < (i < 3 ? 12 : 8))
+            return spsi_wrong(at, names[i], (double)strides[i],
+                              i < 3 ? "it must be 0, or at least 12 bytes" : "it must be 0, or at least 8 bytes");
+    return SPS_OK;
+}
+
 /* Checks an sps_indexed_mesh, since its read function cannot report fields. */
 SPSI_COLD sps_result spsi_check_indexed(const spsi_subject *at, const sps_mesh *mesh) {
     const spsi_subject part = {at->context, at->object, at->index, "arrays."};
@@ -4676,7 +4690,8 @@ SPSI_COLD sps_result spsi_check_indexed(const spsi_subject *at, const sps_mesh *
     if (mesh->triangle_count == 0 || mesh->read_fn != sps_indexed_mesh_read) return at->context->result;
     if (!arrays)
         return spsi_wrong_that(at, "user", 0, "is NULL; with sps_indexed_mesh_read it must be an sps_indexed_mesh");
-    if (spsi_check_canaries(&part, arrays->start_canary, arrays->end_canary)) return at->context->result;
+    if (spsi_check_canaries(&part, arrays->start_canary, arrays->end_canary) || spsi_check_strides(&part, arrays))
+        return at->context->result;
     if (arrays->triangle_count < mesh->triangle_count)
         return spsi_wrong(at, "arrays.triangle_count", (double)arrays->triangle_count,
                           "it must be at least the mesh's");
@@ -4717,8 +4732,8 @@ SPSI_COLD sps_result spsi_check_set(sps_context *context, const sps_particles *s
 SPSI_COLD sps_result spsi_check_strands(sps_context *context, const sps_strands *set, int i) {
     const spsi_subject at = {context, SPS_OBJECT_STRANDS, i, ""};
     if (spsi_check_canaries(&at, set->start_canary, set->end_canary)) return context->result;
-    if (set->count == 0 || set->read_fn) return SPS_OK;
-    return spsi_wrong_that(&at, "read_fn", 0, "is NULL; it must be set where count is not 0");
+    if (set->point_count == 0 || set->read_fn) return SPS_OK;
+    return spsi_wrong_that(&at, "read_fn", 0, "is NULL; it must be set where point_count is not 0");
 }
 
 /* Error subject: a light's map settings, or a standalone map's if light < 0. */
@@ -4835,14 +4850,14 @@ SPSI_COLD sps_result spsi_check_light(sps_context *context, const sps_light *lig
     static const char none[] = "it must be 0: a directional light has no cone";
     const int directional = light->kind == SPS_LIGHT_DIRECTIONAL;
     const double narrower = light->inner_cone < light->outer_cone ? light->inner_cone : 0;
+    const double widest = directional ? 0 : SPSI_PI * (1 + DBL_EPSILON);
     const double all_round = directional ? 0 : HUGE_VAL;
     const spsi_bounded numbers[] = {
         {"kind", (double)(int)light->kind, 0, SPS_LIGHT_RECTANGLE, "it must be an sps_light_kind"},
         {"falloff", (double)(int)light->falloff, 0, SPS_FALLOFF_NONE, "it must be an sps_falloff"},
+        {"outer_cone", light->outer_cone, 0, widest, directional ? none : "it must be 0..pi"},
         {"inner_cone", light->inner_cone, 0, directional ? 0 : narrower,
          directional ? none : "it must be 0, or less than outer_cone"},
-        {"outer_cone", light->outer_cone, 0, directional ? 0 : SPSI_PI * (1 + DBL_EPSILON),
-         directional ? none : "it must be 0..pi"},
         {"samples", (double)light->samples, 0, SPSI_POINTS_MAX, "it must be 0..256"},
         {"angular_diameter", directional ? light->angular_diameter : 0, 0, 2, "it must be 0..2 radians"},
         {"shadow_map_resolution", (double)light->shadow_map_resolution, 0, SPSI_SIZE_MAX, "it must be 0..16384"},
@@ -5736,10 +5751,12 @@ SPSI_COLD spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *sc
     spsi_content *content = SPSI_RESERVE(context, SPSI_BUFFER_CONTENT, 1, spsi_content);
     if (!frame || !content) return NULL;
     if (spsi_check_scene(context, scene) || (view && spsi_check_view(context, view))) return NULL;
-    if (view && scene->strand_set_count > 0 &&
-        spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_SCENE, -1, "strand_set_count", 0,
-                       "is not 0, but strands cast shadows in transmittance maps only (sps_tmap_add)"))
-        return NULL;
+    for (int i = 0; view && i < scene->strand_set_count; ++i)
+        if (scene->strands[i].point_count > 0 &&
+            spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_STRANDS, i, "point_count",
+                            (double)scene->strands[i].point_count,
+                            "it must be 0: strands cast shadows in transmittance maps only (sps_tmap_add)"))
+            return NULL;
     memset(frame, 0, sizeof *frame);
     frame->given = *scene;
     if (view) frame->view = *view;
@@ -6683,19 +6700,20 @@ SPSI_COLD sps_result spsi_gather_strands(sps_context *context, const spsi_frame 
     const sps_scene *scene = &frame->given;
     size_t sum = 0;
     for (int i = 0; i < scene->strand_set_count; ++i) {
-        sum += scene->strands[i].count; /* cannot overflow, as for particles */
+        sum += scene->strands[i].point_count; /* cannot overflow, as for particles */
         if (sum > SPSI_PARTICLES_MAX)
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_STRANDS, i, "count, with those before it,",
-                                   (double)sum, "all sets together must have 2^29 at most");
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_STRANDS, i,
+                                   "point_count, with those before it,", (double)sum,
+                                   "all sets together must have 2^29 at most");
     }
     if (sum == 0) return SPS_OK;
     sps_strand_point *list = SPSI_RESERVE(context, SPSI_BUFFER_STRANDS, sum + 1, sps_strand_point);
     frame->content->strand_points = list;
     frame->content->strand_point_count = (int)sum;
-    for (int i = 0; i < scene->strand_set_count && list; list += scene->strands[i++].count)
-        for (size_t first = 0, end; first < scene->strands[i].count; first = end) {
+    for (int i = 0; i < scene->strand_set_count && list; list += scene->strands[i++].point_count)
+        for (size_t first = 0, end; first < scene->strands[i].point_count; first = end) {
             const sps_strands *set = &scene->strands[i];
-            end = set->count - first < SPSI_PARTICLE_BATCH ? set->count : first + SPSI_PARTICLE_BATCH;
+            end = set->point_count - first < SPSI_PARTICLE_BATCH ? set->point_count : first + SPSI_PARTICLE_BATCH;
             memset(list + first, 0, (end - first) * sizeof *list);
             if (spsi_progress(context, 0) ||
                 spsi_check_call(context, SPS_OBJECT_STRANDS, i, "read_fn",
@@ -15609,16 +15627,6 @@ SPSI_COLD uint64_t spsi_shadow_table_key(const spsi_frame *frame, const spsi_sha
     return gas ? hash | 1 : 0;
 }
 
-/* `held`: 1 if the table was cached. */
-SPSI_COLD void spsi_shadow_table_count(sps_context *context, const spsi_shadow_table *table, int held) {
-    const spsi_rays *rays = &table->grid.rays[0];
-    const uint64_t columns = (uint64_t)(rays->width + SPSI_PATCH - 1) / SPSI_PATCH;
-    const uint64_t rows = (uint64_t)(rays->height + SPSI_PATCH - 1) / SPSI_PATCH;
-    *(held ? &context->stats.table_patches_held : &context->stats.table_patches_made) +=
-        (uint64_t)table->grid.face_count * columns * rows;
-    *(held ? &context->stats.tables_held : &context->stats.tables_made) += 1;
-}
-
 /* --- filling faces and maps --- */
 
 SPSI_COLD sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluders) {
@@ -16024,7 +16032,7 @@ SPSI_COLD uint16_t spsi_to_half(float value) {
 /* 1: component k is an optical depth. */
 SPSI_COLD int spsi_export_is_depth(const spsi_export *job, int k) {
     const sps_tmap *map = job->map;
-    if (job->settings->content != SPS_EXPORT_GAS) return job->settings->content == SPS_EXPORT_BEER && k == 2;
+    if (job->settings->content != SPS_EXPORT_GAS) return job->settings->content == SPS_EXPORT_ENGINE_BEER && k == 2;
     if (k >= map->settings.components) return 1; /* a front */
     return map->technique->insert == spsi_opacity_insert ? k >= 2 * map->has_range
                                                          : k == 0 && map->settings.technique == SPS_TMAP_MOMENT;
@@ -16100,7 +16108,7 @@ SPSI_COLD void spsi_export_texel(const spsi_export *job, int x, int row, float *
     const size_t components = (size_t)map->settings.components;
     if (job->settings->content == SPS_EXPORT_SURFACES) {
         values[0] = ((const float *)map->data.surfaces.data)[index];
-    } else if (job->settings->content == SPS_EXPORT_BEER) {
+    } else if (job->settings->content == SPS_EXPORT_ENGINE_BEER) {
         spsi_export_beer(job, index, values);
     } else {
         memcpy(values, (const float *)map->data.texels.data + index * components, components * sizeof *values);
@@ -16204,7 +16212,7 @@ SPSI_COLD sps_result spsi_export_check(const sps_tmap *map, const sps_tmap_expor
     const spsi_subject at = {map->context, SPS_OBJECT_TMAP_EXPORT, -1, ""};
     const int lists = map->technique->lists > 0;
     const spsi_bounded numbers[] = {
-        {"content", (double)(int)settings->content, 0, SPS_EXPORT_BEER, "it must be an sps_export_content"},
+        {"content", (double)(int)settings->content, 0, SPS_EXPORT_ENGINE_BEER, "it must be an sps_export_content"},
         {"format", (double)(int)settings->format, 0, SPS_EXPORT_UNORM8, "it must be an sps_export_format"},
         {"layout", (double)(int)settings->layout, 0, SPS_EXPORT_CUBE, "it must be an sps_export_layout"},
         {"depth_limit", (double)settings->depth_limit, 0, (double)FLT_MAX, "it must be 0 or positive"},
@@ -16216,8 +16224,8 @@ SPSI_COLD sps_result spsi_export_check(const sps_tmap *map, const sps_tmap_expor
         return map->context->result;
     if (settings->content == SPS_EXPORT_GAS && (lists || map->settings.components == 0))
         lacks = "is SPS_EXPORT_GAS, but texels of this technique have no components";
-    if (settings->content == SPS_EXPORT_BEER && !lists)
-        lacks = "is SPS_EXPORT_BEER, which needs the lists of a deep or compressed map";
+    if (settings->content == SPS_EXPORT_ENGINE_BEER && !lists)
+        lacks = "is SPS_EXPORT_ENGINE_BEER, which needs the lists of a deep or compressed map";
     if (settings->content == SPS_EXPORT_SURFACES && settings->format >= SPS_EXPORT_UNORM16)
         lacks = "is SPS_EXPORT_SURFACES, which UNORM cannot tell from none";
     if (lacks) return spsi_fail_that(map->context, SPS_ERROR_UNSUPPORTED, at.object, -1, "content", 0, lacks);
@@ -16238,7 +16246,7 @@ SPSI_COLD void spsi_export_describe(const sps_tmap *map, const sps_tmap_export_s
     memset(texture, 0, sizeof *texture);
     texture->channels = wide ? 4 : 1;
     texture->constants.components =
-        settings->content == SPS_EXPORT_GAS ? gas : settings->content == SPS_EXPORT_BEER ? 3 : 1;
+        settings->content == SPS_EXPORT_GAS ? gas : settings->content == SPS_EXPORT_ENGINE_BEER ? 3 : 1;
     tiles = map->grid.face_count * ((texture->constants.components + texture->channels - 1) / texture->channels);
     while (settings->layout == SPS_EXPORT_ATLAS && columns * columns < tiles) ++columns;
     texture->width = map->grid.rays[0].width * columns;
@@ -16336,7 +16344,7 @@ SPSI_COLD sps_result spsi_shadow_table_begin(sps_context *context, const spsi_fr
         if (!held[i].pairs.data || held[i].key != table->key) continue;
         table->pairs = held[i].pairs;
         memset(&held[i], 0, sizeof held[i]);
-        spsi_shadow_table_count(context, table, 1);
+        context->stats.tables_held += 1;
     }
     return SPS_OK;
 }
@@ -18309,7 +18317,7 @@ SPSI_COLD sps_result spsi_shadow_table_make(sps_context *context, const spsi_fra
                                             const spsi_call_stage *part, spsi_shadow_table *table) {
     if (table->pairs.data) return SPS_OK;
     if (spsi_shadow_table_fill(context, frame, light, part, table)) return context->result;
-    if (spsi_has_shadow_table(light)) spsi_shadow_table_count(context, table, 0);
+    if (spsi_has_shadow_table(light)) context->stats.tables_made += 1;
     return SPS_OK;
 }
 
@@ -26524,6 +26532,8 @@ SPSI_COLD sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
 
 /* --- learning rates --- */
 
+#define SPSI_MAJOR 0.1 /* minimum share of a frame's time */
+
 /* Notes a frame's setting. Returns 1 if it is kept after the third frame. */
 SPSI_COLD int spsi_setting_hold(spsi_rates *pace) {
     const int changed = memcmp(&pace->held, &pace->setting, sizeof pace->held) != 0;
@@ -26537,17 +26547,40 @@ SPSI_COLD int spsi_setting_hold(spsi_rates *pace) {
     return steady;
 }
 
-/* Stores a stage's rate: the median of the last three, since one may be slow by chance. `others`: factor on other
-   presets' rates in proportion; 0: forgets them. Negative: keeps them, and stores the rate as it is. */
-SPSI_COLD void spsi_rate_learn(spsi_rates *pace, int stage, int preset, int others, double now) {
+/* Stores a stage's rate and returns its change, a ratio. `filters`: as the median of the last three, since one may be
+   slow by chance. */
+SPSI_COLD double spsi_rate_learn(spsi_rates *pace, int stage, int preset, int filters, double now) {
     double *rates = pace->rates[stage], *recent = pace->recent[stage][preset];
-    const double last = others >= 0 ? rates[preset] : 0;
-    if (!(last > 0)) recent[0] = recent[1] = now;
+    const double last = rates[preset];
+    if (!filters || !(last > 0)) recent[0] = recent[1] = now;
     const double rate = spsi_dmax(spsi_dmin(now, recent[0]), spsi_dmin(spsi_dmax(now, recent[0]), recent[1]));
-    for (int n = 0; n < SPSI_PRESETS && last > 0; ++n) rates[n] *= others * (rate / last);
     rates[preset] = rate;
     recent[1] = recent[0];
     recent[0] = now;
+    return last > 0 ? rate / last : 1;
+}
+
+/* Stores rates from what stages took. In a kept setting, a change that all major stages share is the machine's: it
+   scales other presets' rates. A single stage's may be due to the view. `spare`: forgets the others, which a slow
+   while may have spoilt. */
+SPSI_COLD void spsi_rates_store(spsi_rates *pace, const double *seconds, double total, int steady, int spare) {
+    double low = HUGE_VAL, high = 0;
+    int runs[SPSI_STAGE_COUNT];
+    for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage) {
+        const double units = pace->work.units[stage];
+        const int preset = spsi_stage_preset((spsi_stage)stage, &pace->setting);
+        runs[stage] = units > 0 && seconds[stage] > 0;
+        if (!runs[stage]) continue;
+        const double change = spsi_rate_learn(pace, stage, preset, steady, seconds[stage] / units);
+        if (seconds[stage] < SPSI_MAJOR * total) continue;
+        low = spsi_dmin(low, change), high = spsi_dmax(high, change);
+    }
+    const double shared = spare ? 0 : high > 0 ? spsi_dmin(spsi_dmax(low, 1), high) : 1;
+    for (int n = 0; steady && n < SPSI_STAGE_COUNT * SPSI_PRESETS; ++n) {
+        const int stage = n / SPSI_PRESETS, preset = n % SPSI_PRESETS;
+        if (runs[stage] && preset != spsi_stage_preset((spsi_stage)stage, &pace->setting))
+            pace->rates[stage][preset] *= shared;
+    }
 }
 
 SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
@@ -26559,7 +26592,6 @@ SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
     pace->scattered = pace->counts && context->cells_cached ? spsi_scattered_fingerprint(context, frame) : 0;
     if (!pace->counts) return;
     const int steady = spsi_setting_hold(pace), spare = pace->wait == 0 && 4 * total < frame->view.budget_seconds;
-    const int others = steady ? !spare : -1; /* a slow while may have spoilt them */
     if (!(total > 0)) return;
     pace->splats[pace->setting.gas] = /* all volumes, in thick slabs */
         frame->medium_count > 0 && spsi_preset_of(frame, pace->setting.gas).slab_thickness > 1 &&
@@ -26581,12 +26613,7 @@ SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {
     seconds[SPSI_STAGE_REST] = spsi_dmax(total - sum, 0);
     pace->work.units[SPSI_STAGE_READ] =
         spsi_fixed_units[SPSI_STAGE_READ] + (double)(stats->voxels_read + stats->particles);
-    for (int stage = 0; stage < SPSI_STAGE_COUNT; ++stage) {
-        const double units = pace->work.units[stage];
-        const int preset = spsi_stage_preset((spsi_stage)stage, &pace->setting);
-        if (units > 0 && seconds[stage] > 0)
-            spsi_rate_learn(pace, stage, preset, others, seconds[stage] / units);
-    }
+    spsi_rates_store(pace, seconds, total, steady, spare);
 }
 
 /* ================================================================================================ >>frame
@@ -26871,7 +26898,7 @@ SPSI_COLD sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, 
     picture.frame = frame;
     if (spsi_gather(context, frame) || spsi_gather_particles(context, frame)) return context->result;
     if (spsi_gather_images(context, frame) || spsi_gather_faces(context, frame, &picture.faces)) return context->result;
-    if (spsi_decide_scattering(context, frame, &context->stats.scatter_bound)) return context->result;
+    if (spsi_decide_scattering(context, frame, &context->stats.scattering_bound)) return context->result;
     if (spsi_has_budget(&frame->view) && spsi_budget_take(context, frame)) return context->result;
     if (spsi_pyramids_place(context, frame)) return context->result;
     spsi_levels_choose(frame);
@@ -27225,8 +27252,9 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
     const int polygons = frame->meshes.triangle_count > 0, sweeps = report->sweep_count, lit = frame->lights.count > 0;
     const int held = context->tree_held && spsi_faces_cached(context, frame);
     const int again = frame->view.scattering != SPS_SCATTERING_AMBIENT;
-    const char *once = report->scatter_bound > 0 ? "view.scattering is auto: scatter_bound is within the tolerance"
-                                                 : "view.scattering is single";
+    const char *once = report->scattering_bound > 0
+                           ? "view.scattering is auto: scattering_bound is within the tolerance"
+                           : "view.scattering is single";
     spsi_plan_gather_pass(frame, reading, report);
     spsi_plan_pass(report, SPS_PASS_PROJECTORS, frame->lights.image_count, "lights have projected textures",
                    lit ? "no light has a projected texture" : "no light");
@@ -27258,11 +27286,11 @@ SPSI_COLD void spsi_plan_passes(const sps_context *context, const spsi_frame *fr
     spsi_plan_pass(report, SPS_PASS_CELLS, spsi_uses_cells(frame),
                    frame->view.scattering == SPS_SCATTERING_AUTO
                        ? "view.scattering is auto: unless gas, which was not read yet, turns out to be thin"
-                   : report->scatter_bound > 0 ? "view.scattering is auto: scatter_bound is above the tolerance"
-                                               : "view.scattering asks for it",
+                   : report->scattering_bound > 0 ? "view.scattering is auto: scattering_bound is above the tolerance"
+                                                  : "view.scattering asks for it",
                    !frame->matter.scatters        ? "nothing scatters: albedo 0 or no extinction"
                    : !spsi_light_meets_gas(frame) ? lit ? "no light casts shadows" : "no light"
-                   : report->scatter_bound > 0    ? once
+                   : report->scattering_bound > 0 ? once
                                                   : "view.scattering does not ask for it");
     spsi_plan_pass(report, SPS_PASS_EMISSION, frame->matter.emits, "volumes or particles emit", "nothing emits");
     spsi_plan_pass(report, SPS_PASS_AMBIENT, frame->has_ambient && (frame->matter.scatters || polygons),
@@ -27371,9 +27399,9 @@ SPSI_COLD sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sp
     memset(context->planned, 0, sizeof context->planned);
     if (spsi_plan_reading(context, frame, report, &reading) || spsi_gather_particles(context, frame))
         return context->result;
-    if (frame->view.scattering == SPS_SCATTERING_AUTO) report->scatter_bound = -1;
+    if (frame->view.scattering == SPS_SCATTERING_AUTO) report->scattering_bound = -1;
     if (!spsi_uses_cells(frame) || spsi_polygons_scatter(frame) || reading.held)
-        if (spsi_decide_scattering(context, frame, &report->scatter_bound)) return context->result;
+        if (spsi_decide_scattering(context, frame, &report->scattering_bound)) return context->result;
     /* units of work */
     const double reads =
         spsi_fixed_units[SPSI_STAGE_READ] + (double)report->voxels_read + (double)frame->particles.count;
@@ -30066,7 +30094,7 @@ SPSI_COLD sps_result spsi_probes_begin(sps_context *context, spsi_frame *frame, 
     const spsi_call_stage cells = {SPSI_PROGRESS_GATHER, SPSI_PROGRESS_CELLS};
     if (spsi_gather(context, frame) || spsi_gather_particles(context, frame)) return context->result;
     if (spsi_gather_images(context, frame) || spsi_gather_faces(context, frame, &prober->faces)) return context->result;
-    if (spsi_decide_scattering(context, frame, &context->stats.scatter_bound)) return context->result;
+    if (spsi_decide_scattering(context, frame, &context->stats.scattering_bound)) return context->result;
     if (spsi_pyramids_place(context, frame) || spsi_faces_tree(context, &prober->faces)) return context->result;
     spsi_choose_shadows(context, frame);
     if (prober->shines && spsi_uses_cells(frame) && spsi_cells_build(context, frame, &prober->faces, &cells))
@@ -30588,7 +30616,7 @@ SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tma
     return SPS_OK;
 }
 
-SPS_API sps_result sps_tmap_export(const sps_tmap *map, const sps_tmap_export_settings *settings, void *texels,
+SPS_API sps_result sps_tmap_export(sps_tmap *map, const sps_tmap_export_settings *settings, void *texels,
                                    size_t bytes, sps_tmap_texture *texture) {
     const sps_result refused = spsi_begin(map ? map->context : NULL);
     sps_tmap_texture made;

@@ -625,7 +625,7 @@ static int aim_maps(map_run *run, arguments *all, ex_error *error) {
     made->format = formats[all->bake.texels];
     made->layout = (sps_export_layout)(all->bake.layout - FIRST_MAP_LAYOUT);
     if (!run->is_beer) return 0;
-    made->content = SPS_EXPORT_BEER;
+    made->content = SPS_EXPORT_ENGINE_BEER;
     made->extinction_unit = 1 / all->bake.metres_per_unit;
     made->distance_unit = 1000 / all->bake.metres_per_unit;
     return 0;

@@ -88,7 +88,7 @@ static sps_result shade(sps_context *context, int panel, ex_vec sun) {
                                                           SPS_TMAP_DEEP};
     const sps_particle head = {.radius = (float)HEAD, .optical_depth = 100};
     const sps_particles heads = {.count = 1, .read_fn = ex_particles_read, .user = (void *)(uintptr_t)&head};
-    const sps_strands hair = {.count = COUNT, .read_fn = read_points, .user = points};
+    const sps_strands hair = {.point_count = COUNT, .read_fn = read_points, .user = points};
     const sps_scene scene = {
         .particles = &heads, .particle_set_count = 1, .strands = &hair, .strand_set_count = panel > 0};
     sps_tmap_light light = {.width = TEXELS, .height = TEXELS, .camera = {.up = {0, 1, 0}, .ortho_height = 2 * REACH}};

@@ -54,7 +54,7 @@ static int print_plan(const arguments *all, ex_session *session, const sps_scene
 /* clang-format off */
 #define STATS_REALS(X)                                                                                               \
     X(seconds_gather) X(seconds_polygons) X(seconds_textures) X(seconds_tree) X(seconds_shadow_rays) X(seconds_bin)    \
-    X(seconds_light) X(seconds_cells) X(seconds_eye) X(seconds_total) X(scatter_bound)
+    X(seconds_light) X(seconds_cells) X(seconds_eye) X(seconds_total) X(scattering_bound)
 #define STATS_COUNTS(X)                                                                                                \
     X(range_calls) X(read_calls) X(eval_calls) X(triangle_calls) X(particle_calls) X(projector_calls)                  \
     X(background_calls) X(shade_calls) X(blocks_skipped)                                                               \
@@ -63,7 +63,7 @@ static int print_plan(const arguments *all, ex_session *session, const sps_scene
     X(particles) X(slabs) X(slabs_empty)                                                                               \
     X(eye_footprints) X(eye_fragments) X(light_footprints) X(light_fragments)                                          \
     X(eye_samples) X(light_samples)                                                                                    \
-    X(tables_made) X(tables_held) X(table_patches_made) X(table_patches_held) X(cells) X(soft_texels) X(pixels_shaded) \
+    X(tables_made) X(tables_held) X(cells) X(soft_texels) X(pixels_shaded) \
     X(tiles_finished) X(allocations) X(bytes) X(bytes_peak)
 /* clang-format on */
 

@@ -202,7 +202,7 @@ static inline void build_strands(void) {
         p->width = 0.2f, p->optical_depth = 0.5f;
         it.other_strand[i] = *p, it.other_strand[i].width = 0.3f;
     }
-    it.strands.count = 4, it.strands.read_fn = read_strand, it.strands.user = it.strand;
+    it.strands.point_count = 4, it.strands.read_fn = read_strand, it.strands.user = it.strand;
     it.other_strands = it.strands, it.other_strands.user = it.other_strand;
 }
 

@@ -19,7 +19,7 @@ static int export_sane(const sps_tmap *map, long number) {
     sps_tmap_export_settings settings = {0, SPS_EXPORT_GAS, SPS_EXPORT_FLOAT, SPS_EXPORT_ARRAY, 0, 0, 0, 0, 0};
     sps_tmap_texture texture;
     if (empty && !sps_tmap_surfaces(map)) return 1;
-    settings.content = lists ? SPS_EXPORT_BEER : empty ? SPS_EXPORT_SURFACES : SPS_EXPORT_GAS;
+    settings.content = lists ? SPS_EXPORT_ENGINE_BEER : empty ? SPS_EXPORT_SURFACES : SPS_EXPORT_GAS;
     settings.format = (sps_export_format)(empty ? 0 : number % 4);
     settings.layout = (sps_export_layout)(number / 4 % (map->grid.face_count > 1 ? 4 : 3));
     settings.keep_empty = number % 3 == 0;

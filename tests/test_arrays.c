@@ -239,7 +239,11 @@ static void test_array_refusals(void) {
                                         "mesh[0].arrays.indices_u16 and indices_u32 are both set",
                                         "mesh[0].arrays.albedos is NULL",
                                         "mesh[0].arrays.normals is NULL",
-                                        "mesh[0].arrays.positions is NULL"};
+                                        "mesh[0].arrays.positions is NULL",
+                                        "mesh[0].arrays.position_stride is 11; it must be 0, or at least 12 bytes",
+                                        "mesh[0].arrays.normal_stride is 3",
+                                        "mesh[0].arrays.albedo_stride is 1",
+                                        "mesh[0].arrays.uv_stride is 7; it must be 0, or at least 8 bytes"};
     static const float corners[9] = {-1, -1, 0, 1, -1, 0, 1, 1, 0};
     static const uint16_t narrow[3] = {0, 1, 2};
     static const uint32_t wide[3] = {0, 1, 2};
@@ -268,6 +272,8 @@ static void test_array_refusals(void) {
         arrays.positions = n == 16 ? NULL : corners, arrays.vertex_count = n == 12 ? 0 : 3;
         arrays.indices_u16 = narrow, arrays.indices_u32 = n == 13 ? wide : NULL;
         arrays.triangle_count = n == 11 ? 0 : 1;
+        arrays.position_stride = n == 17 ? 11 : 12, arrays.normal_stride = n == 18 ? 3 : 12;
+        arrays.albedo_stride = n == 19 ? 1 : 12, arrays.uv_stride = n == 20 ? 7 : 8;
         s.scene.mesh_count = 1;
         s.mesh[0].read_fn = sps_indexed_mesh_read, s.mesh[0].user = n == 8 ? NULL : &arrays;
         s.mesh[0].triangle_count = 1, s.mesh[0].has_albedos = n == 14, s.mesh[0].has_normals = n == 15;

@@ -58,7 +58,7 @@ static double bound_of(const check_scene *s) {
     sps_stats_report stats;
     check_render(context, s, image_a);
     sps_get_stats(context, &stats);
-    return stats.scatter_bound;
+    return stats.scattering_bound;
 }
 
 /* The largest optical depth of pixels, from many sides. */
@@ -269,7 +269,7 @@ static void test_ambient(void) {
         sps_context *by = check_context(NULL);
         sps_plan_report report;
         CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &report)); /* that is known before gas is read */
-        CHECK(report.scatter_bound == 1e6 && strstr(report.pass[SPS_PASS_CELLS].reason, "above") != NULL);
+        CHECK(report.scattering_bound == 1e6 && strstr(report.pass[SPS_PASS_CELLS].reason, "above") != NULL);
         sps_destroy(by);
     }
     check_color(s.volume[0].albedo, 0, 0, 0);
@@ -290,13 +290,13 @@ static void test_plan(void) {
         start(&s, n == 2 ? SWARM : PUFF, n == 1 ? 0.001 : 0.3);
         if (n == 3) check_color(s.volume[0].albedo, 0, 0, 0);
         CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &report));
-        CHECK(report.scatter_bound == (n == 3 ? 0 : -1) && report.pass[SPS_PASS_CELLS].runs == (n != 3));
+        CHECK(report.scattering_bound == (n == 3 ? 0 : -1) && report.pass[SPS_PASS_CELLS].runs == (n != 3));
         CHECK(strstr(report.pass[SPS_PASS_CELLS].reason, n == 3 ? "nothing scatters" : "not read yet") != NULL);
         check_render(by, &s, image_a);
         sps_get_stats(by, &stats);
         CHECK(stats.bytes_peak <= report.bytes);
         CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &report));
-        CHECK(report.scatter_bound == stats.scatter_bound);
+        CHECK(report.scattering_bound == stats.scattering_bound);
         CHECK(report.pass[SPS_PASS_CELLS].runs == (n == 0 || n == 2));
         if (n == 0) CHECK(strstr(report.pass[SPS_PASS_CELLS].reason, "above") != NULL);
         if (n == 1) CHECK(strstr(report.pass[SPS_PASS_CELLS].reason, "within") != NULL);

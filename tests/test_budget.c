@@ -790,6 +790,40 @@ static void test_asked_anew(void) {
     sps_destroy(context);
 }
 
+/* In a kept setting, what all stages of a tenth of the frame or more share scales the rates of other settings: not what
+   one shows alone, nor a small one. */
+static void test_shared_changes(void) {
+    enum { OWN = 2, OTHER = 4, STAGES = 3 };
+    static const spsi_stage stages[STAGES] = {SPSI_STAGE_LIGHT, SPSI_STAGE_EYE, SPSI_STAGE_REST};
+    static const struct {
+        int steady, spare;
+        double slow[STAGES], shared; /* factors of time; on other settings' rates */
+    } cases[] = {{1, 0, {2, 3, 4}, 2},   {1, 0, {0.25, 0.5, 0.5}, 0.5}, {1, 0, {1, 3, 1}, 1}, {1, 0, {0.5, 3, 1}, 1},
+                 {1, 0, {2, 2, 0.9}, 2}, {0, 0, {2, 3, 4}, 1},          {0, 1, {2, 3, 4}, 1}, {1, 1, {1, 3, 1}, 0}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
+        static spsi_rates pace;
+        double seconds[SPSI_STAGE_COUNT] = {0};
+        memset(&pace, 0, sizeof pace);
+        pace.setting.gas = OWN;
+        for (int frame = 0; frame < 3; ++frame) {
+            double total = 0;
+            for (int k = 0; k < STAGES; ++k) {
+                const double slow = frame == 0 ? 1 : cases[i].slow[k];
+                pace.work.units[stages[k]] = 100;
+                if (frame == 0) pace.rates[stages[k]][OTHER] = 5 + k;
+                seconds[stages[k]] = slow * (k < 2 ? 1 : 0.1);
+                total += seconds[stages[k]];
+            }
+            spsi_rates_store(&pace, seconds, total, frame > 0 && cases[i].steady, frame > 0 && cases[i].spare);
+        }
+        for (int k = 0; k < STAGES; ++k) {
+            CHECK_NEAR(pace.rates[stages[k]][OWN], cases[i].slow[k] * (k < 2 ? 0.01 : 0.001), 1e-9);
+            CHECK_NEAR(pace.rates[stages[k]][OTHER], cases[i].shared * (5 + k), 1e-9);
+        }
+        CHECK(pace.rates[SPSI_STAGE_CELLS][OTHER] <= 0); /* did not run */
+    }
+}
+
 /* Margins: of two settings, the new one must have a tenth less error, or take a tenth less time. */
 static void test_margins(void) {
     static const struct {
@@ -1104,6 +1138,7 @@ int main(void) {
     RUN(test_left);
     RUN(test_steady);
     RUN(test_asked_anew);
+    RUN(test_shared_changes);
     RUN(test_margins);
     RUN(test_spared);
     RUN(test_made_when_still);

@@ -740,7 +740,7 @@ static void test_bad_callbacks(void) {
         m.transfer.point_count = 0;
         m.transfer.eval_fn = transfer_bad;
         m.transfer.user = &bad[i];
-        CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_ARGUMENT);
+        CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_DATA);
         CHECK(strstr(sentence, "volume[0].transfer.eval_fn(0).extinction is ") != NULL);
         mixed_free(&m);
     }

@@ -145,7 +145,7 @@ static const row rows[] = {
     F(sps_strand_point, width, strand[1], 0.3, STRANDS, NOTHING),
     F(sps_strand_point, optical_depth, strand[1], 0.7, STRANDS, NOTHING),
     I(sps_strand_point, begins, strand[2], 1, STRANDS, NOTHING),
-    Z(sps_strands, count, strands, 3, STRANDS, NOTHING),
+    Z(sps_strands, point_count, strands, 3, STRANDS, NOTHING),
     P(sps_strands, user, strands, it.other_strand, STRANDS, NOTHING),
     Z(sps_particles, count, set, 4, PLAIN, NOTHING),
     P(sps_particles, user, set, it.other_particle, PLAIN, NOTHING),

@@ -331,7 +331,7 @@ static void test_beer(void) {
         add(&f, 0, 0, 0, 381 - 75, 75, 2);
         add(&f, 0, 0, 0, -381 + 75, 75, inner == 2 ? 1 : 2);
         if (inner == 2) add(&f, 0, 0, 0, -381 + 75, 50, 1);
-        settings.content = SPS_EXPORT_BEER;
+        settings.content = SPS_EXPORT_ENGINE_BEER;
         if (inner == 1) settings.distance_unit = 1e5, settings.extinction_unit = 100;
         sps_tmap *map = must_build(&f, context);
         if (!export_into(map, &settings, &t)) continue;
@@ -357,7 +357,7 @@ static void test_beer_of_nothing(void) {
         fixture f;
         begin(&f, SPS_TMAP_DEEP);
         if (pane) add_square(&f, 0, -30, 30, 30, 4), add_mesh(&f, 0, 0.5);
-        settings.content = SPS_EXPORT_BEER;
+        settings.content = SPS_EXPORT_ENGINE_BEER;
         sps_tmap *map = must_build(&f, context);
         if (!export_into(map, &settings, &t)) continue;
         CHECK_NEAR(fetched(SPS_EXPORT_FLOAT, 0), pane ? 6 : 20, 1e-5);
@@ -390,7 +390,7 @@ static void test_errors(void) {
                                         "export.start_canary",
                                         "export.end_canary",
                                         "export.layout is SPS_EXPORT_CUBE",
-                                        "export.content is SPS_EXPORT_BEER",
+                                        "export.content is SPS_EXPORT_ENGINE_BEER",
                                         "export.content is SPS_EXPORT_SURFACES, which UNORM",
                                         "export.content is SPS_EXPORT_SURFACES, and"};
     sps_context *context = sps_create(NULL, NULL);
@@ -410,7 +410,7 @@ static void test_errors(void) {
         if (i == 6) s.start_canary = 1;
         if (i == 7) s.end_canary = 1;
         if (i == 8) s.layout = SPS_EXPORT_CUBE;
-        if (i == 9) s.content = SPS_EXPORT_BEER;
+        if (i == 9) s.content = SPS_EXPORT_ENGINE_BEER;
         if (i >= 10) s.content = SPS_EXPORT_SURFACES, s.format = i == 10 ? SPS_EXPORT_UNORM8 : SPS_EXPORT_HALF;
         check_refused(map, &s, i == 9 || i == 10 ? SPS_ERROR_UNSUPPORTED : SPS_ERROR_ARGUMENT, texts[i]);
     }

@@ -786,13 +786,16 @@ static void test_refused(void) {
     s.light[0].outer_cone = 0.2;
     s.light[0].inner_cone = 0.2;
     check_refused(&s, SPS_ERROR_ARGUMENT, "light[0].inner_cone is 0.2; it must be 0, or less than outer_cone");
+    s.light[0].outer_cone = NAN;
+    check_refused(&s, SPS_ERROR_ARGUMENT, "light[0].outer_cone is nan; it must be 0..pi");
+    s.light[0].outer_cone = 0.2;
     s.light[0].inner_cone = 0.1;
     check_set3(s.light[0].direction, 0, 0, 0);
     check_refused(&s, SPS_ERROR_ARGUMENT, "light[0].direction is 0");
     s.light[0].kind = SPS_LIGHT_DIRECTIONAL;
-    check_refused(&s, SPS_ERROR_ARGUMENT, "light[0].inner_cone is 0.1; it must be 0: a directional light has no cone");
-    s.light[0].inner_cone = 0;
     check_refused(&s, SPS_ERROR_ARGUMENT, "light[0].outer_cone is 0.2; it must be 0: a directional light has no cone");
+    s.light[0].outer_cone = 0;
+    check_refused(&s, SPS_ERROR_ARGUMENT, "light[0].inner_cone is 0.1; it must be 0: a directional light has no cone");
 }
 
 int main(void) {

@@ -38,7 +38,7 @@ static void begin(strands *s, int technique) {
 }
 
 static void add(strands *s, double x, double y, double z, double width, double depth) {
-    sps_strand_point *p = &s->points[s->set.count++];
+    sps_strand_point *p = &s->points[s->set.point_count++];
     p->position[0] = (float)x, p->position[1] = (float)y, p->position[2] = (float)z;
     p->width = (float)width, p->optical_depth = (float)depth;
 }
@@ -78,7 +78,7 @@ static void tangle(strands *s, int count, uint64_t seed) {
         for (int k = 0; k < 3; ++k) at[k] = 60 * check_next(&random) - 30;
         const double width = 0.05 + 0.4 * check_next(&random);
         for (int k = 0; k < 2; ++k) {
-            s->points[s->set.count].begins = k == 0;
+            s->points[s->set.point_count].begins = k == 0;
             add(s, at[0] + k * (8 * check_next(&random) - 4), at[1] + k * (8 * check_next(&random) - 4),
                 0.3 * at[2] + k, width, 0.04);
         }
@@ -325,7 +325,7 @@ static void test_fronts(void) {
         CHECK_NEAR(query(map, 0.5, 0.5, 1.9999), 0.25, technique == SPS_TMAP_FOURIER ? 0.3 : 1e-3);
         CHECK_NEAR(query(map, 0.5, 0.5, -7), 0.75, 1e-4);
         sps_tmap_destroy(map);
-        s.set.count = 2, s.settings.near_depth = 1;
+        s.set.point_count = 2, s.settings.near_depth = 1;
         map = must_build(&s, context);
         CHECK(sps_tmap_fronts(map) == NULL);
         sps_tmap_destroy(map);
@@ -472,23 +472,25 @@ static void test_errors(void) {
     refused(context, sps_tmap_add(map, &s.scene), SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, "strand_set_count", "-1");
     s.scene.strand_set_count = 1, s.scene.strands = NULL;
     refused(context, sps_tmap_add(map, &s.scene), SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, "strand_set_count", "strands");
-    s.scene.strands = &s.set, s.set.count = ((size_t)1 << 29) + 1;
+    s.scene.strands = &s.set, s.set.point_count = ((size_t)1 << 29) + 1;
     CHECK_OK(context, sps_tmap_add(map, &s.scene));
-    refused(context, sps_tmap_finish(map), SPS_ERROR_ARGUMENT, SPS_OBJECT_STRANDS, "count", "2^29");
+    refused(context, sps_tmap_finish(map), SPS_ERROR_ARGUMENT, SPS_OBJECT_STRANDS, "point_count", "2^29");
     sps_tmap_destroy(map);
-    s.set.count = 2, s.fail_at = 1, s.calls = 0;
+    s.set.point_count = 2, s.fail_at = 1, s.calls = 0;
     CHECK(build(&s, context) == NULL);
     refused(context, SPS_ERROR_CALLBACK, SPS_ERROR_CALLBACK, SPS_OBJECT_STRANDS, "read_fn", "returned 7");
     map = must_build(&s, context);
     refused(context, sps_tmap_update(map, NULL, &s.scene), SPS_ERROR_UNSUPPORTED, SPS_OBJECT_SCENE, "strand_set_count",
             "only particles");
     sps_tmap_destroy(map);
-    refused(context, sps_render(context, &s.scene, &view, &image), SPS_ERROR_UNSUPPORTED, SPS_OBJECT_SCENE,
-            "strand_set_count", "maps only");
-    refused(context, sps_plan(context, &s.scene, &view, &plan), SPS_ERROR_UNSUPPORTED, SPS_OBJECT_SCENE,
-            "strand_set_count", "maps only");
-    refused(context, sps_reference(context, &s.scene, &view, &brute, &image), SPS_ERROR_UNSUPPORTED, SPS_OBJECT_SCENE,
-            "strand_set_count", "maps only");
+    refused(context, sps_render(context, &s.scene, &view, &image), SPS_ERROR_UNSUPPORTED, SPS_OBJECT_STRANDS,
+            "point_count", "maps only");
+    refused(context, sps_plan(context, &s.scene, &view, &plan), SPS_ERROR_UNSUPPORTED, SPS_OBJECT_STRANDS,
+            "point_count", "maps only");
+    refused(context, sps_reference(context, &s.scene, &view, &brute, &image), SPS_ERROR_UNSUPPORTED, SPS_OBJECT_STRANDS,
+            "point_count", "maps only");
+    s.set.point_count = 0;
+    CHECK_OK(context, sps_render(context, &s.scene, &view, &image));
     sps_destroy(context);
 }
 
@@ -558,7 +560,7 @@ static int read_hairs(void *user, size_t first, size_t count, sps_strand_point *
 static void print_time(void) {
     static strands s;
     const sps_particles small = {.count = 1000000, .read_fn = read_small};
-    const sps_strands hairs = {.count = 1100000, .read_fn = read_hairs};
+    const sps_strands hairs = {.point_count = 1100000, .read_fn = read_hairs};
     sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 2; ++n) {
         begin(&s, SPS_TMAP_DEFAULT);

@@ -363,18 +363,18 @@ static void render_fresh(const check_scene *s) {
     sps_destroy(fresh);
 }
 
-/* Renders with a context that holds an earlier table: the bits of a fresh one. Returns the share of patches that were
-   filled. */
+/* Renders with a context that holds an earlier table: the bits of a fresh one. Returns the share of tables that were
+   made. */
 static double check_update(sps_context *holder, const check_scene *s, const char *what) {
     sps_stats_report stats;
     double made, held;
     check_render(holder, s, image_a);
     sps_get_stats(holder, &stats);
-    made = (double)stats.table_patches_made, held = (double)stats.table_patches_held;
+    made = (double)stats.tables_made, held = (double)stats.tables_held;
     render_fresh(s);
     if (!CHECK(memcmp(image_a, image_b, sizeof image_a) == 0)) printf("    %s\n", what);
     CHECK(made + held > 0);
-    if (figures()) printf("%s: %.0f patches made, %.0f held\n", what, made, held);
+    if (figures()) printf("%s: %.0f tables made, %.0f held\n", what, made, held);
     return made / (made + held);
 }
 

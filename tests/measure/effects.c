@@ -299,7 +299,7 @@ static void bound_scattering(const char *name, ex_change common) {
     trial_begin(&all, common, NULL);
     trial_begin(&once, common, ex_scatter_auto);
     failures += once.stats.cells > 0;
-    print_bound(name, "fraction of radiance", once.stats.scatter_bound, radiance_sum(&all) / radiance_sum(&once) - 1);
+    print_bound(name, "fraction of radiance", once.stats.scattering_bound, radiance_sum(&all) / radiance_sum(&once) - 1);
     printf("%.2f |\n", trial_race(&all, &once));
     trial_end(&all);
     trial_end(&once);
@@ -348,7 +348,7 @@ static void print_bounds(void) {
     printf("| what is skipped | unit | bound | true difference | time |\n|---|---|---|---|---|\n");
     bound_tolerance("`tolerance` of 0.1, rays of the eye: `eye_bound`", smooth_alone);
     bound_tolerance("... and of a light: `eye_bound` + `light_bound`", smooth_above_floor);
-    bound_scattering("`SPS_SCATTERING_AUTO`, thin gas: `scatter_bound`", thin_alone);
+    bound_scattering("`SPS_SCATTERING_AUTO`, thin gas: `scattering_bound`", thin_alone);
     bound_scattering("... gas 30 times as dense, `scattering_tolerance` 0.3", less_thin_alone);
     bound_ends();
     printf("\n");

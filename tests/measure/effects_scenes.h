@@ -657,7 +657,6 @@ static const ex_counter ex_counters[] = {EX_COUNTER(range_calls, EX_CALLS_OF, "`
                                          EX_COUNTER(light_samples, EX_WORK, "lights' samples"),
                                          EX_COUNTER(tables_made, EX_DETAIL, "tables made"),
                                          EX_COUNTER(tables_held, EX_WORK, "tables held"),
-                                         EX_COUNTER(table_patches_made, EX_WORK, "patches of tables"),
                                          EX_COUNTER(cells, EX_WORK, "cells (or texels)"),
                                          EX_COUNTER(soft_texels, EX_WORK, "soft texels"),
                                          EX_COUNTER(pixels_shaded, EX_WORK, "pixels shaded"),

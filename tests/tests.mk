@@ -157,8 +157,8 @@ ports:
 	@{ sed '/^| target/,$$d' docs/ports.md; cat build/ports.txt; } > build/ports.md
 	@test ! -e build/ports.failed && cp build/ports.md docs/ports.md
 
-# The same scenes by this library, Cycles, POV-Ray and vdb_render. Of the page, what stands before the results and from
-# the next heading of its own on is kept.
+# The same scenes by this library, Cycles, POV-Ray, vdb_render and VTK. Of the page, what stands before the results and
+# from the next heading of its own on is kept.
 .PHONY: rivals
 rivals: build/measure/rivals
 	@mkdir -p build/rivals

@@ -133,6 +133,17 @@ static int build_cloud(contest *c) {
     return 0;
 }
 
+/* The look that a viewer without shadows gives to a scan: each point sends its color, as ambient light of 1 makes it.
+ */
+static int build_scan(contest *c) {
+    if (bonsai_load(&c->grid)) return 1;
+    bonsai_frame(&c->frame, &c->grid);
+    frame_resize(&c->frame, SIZE, SIZE);
+    c->frame.scene.mesh_count = c->frame.scene.light_count = 0;
+    for (int i = 0; i < 3; ++i) c->frame.scene.ambient[i] = 1;
+    return 0;
+}
+
 static contest contests[] = {
     {.name = "blob", .title = "Blob over a plane", .build = build_blob, .stride = 1},
     {.name = "smoke", .title = "Smoke over a ground", .build = build_smoke, .stride = 5, .step = 0.125},
@@ -140,6 +151,7 @@ static contest contests[] = {
     {.name = "ring", .title = "A mesh in fog", .build = build_ring, .stride = 5, .step = 0.0625},
     {.name = "sun", .title = "Smoke under a sun of 10 degrees", .build = build_soft_sun, .stride = 7, .step = 0.25},
     {.name = "cloud", .title = "A cloud, all orders of scattering", .build = build_cloud, .stride = 15, .paths = 40000},
+    {.name = "scan", .title = "A scan, without shadows", .build = build_scan, .stride = 5, .step = 0.03125},
 };
 enum { CONTESTS = sizeof contests / sizeof *contests };
 
@@ -278,7 +290,8 @@ static double field_at(const field *f, const double point[3]) {
 /* ======================================================================== what other renderers read: a finer grid */
 
 /* Others interpolate linearly between voxels: that is a tent, of variance 1/6 in units of their voxels. They are given
-   the field at twice the resolution, of kernels narrower by just that, so that what they see has the same width. */
+   the field at twice the resolution, of kernels narrower by just that, so that what they see has the same width. They
+   receive a scan as it is, and what they interpolate is its truth for them. */
 enum { FINER = 2, MARGIN = 3 };
 #define NARROWER 0.61713 /* sqrt(0.65^2 - 1 / (6 * FINER^2)) */
 
@@ -292,6 +305,7 @@ static void fine_layer(void *data, int z, int worker) {
     const fine_task *task = (const fine_task *)data;
     fine_grid *g = task->out;
     const sps_volume *v = &task->contest->frame.volume;
+    const int inner = RIM - MARGIN;
     (void)worker;
     for (int y = 0; y < g->size[1]; ++y)
         for (int x = 0; x < g->size[0]; ++x) {
@@ -299,6 +313,8 @@ static void fine_layer(void *data, int z, int worker) {
             float *to = g->values + ((size_t)z * (size_t)g->size[1] + (size_t)y) * (size_t)g->size[0] + (size_t)x;
             if (v->eval_fn == blob_density) /* its truth knows no kernels */
                 blob_density(NULL, 1, at, to);
+            else if (v->transfer)
+                *to = (float)task->field->voxels[field_place(task->field, x + inner, y + inner, z + inner)];
             else
                 *to = (float)field_at(task->field, at);
         }
@@ -308,10 +324,11 @@ static void fine_begin(fine_grid *g, const contest *c, ex_session *session) {
     const sps_volume *v = &c->frame.volume;
     field f;
     fine_task task = {c, &f, g};
+    const int finer = v->transfer ? 1 : FINER;
     field_begin(&f, v, NARROWER);
-    g->edge = f.edge / FINER;
+    g->edge = f.edge / finer;
     for (int k = 0; k < 3; ++k) {
-        g->size[k] = FINER * (v->size[k] + 2 * MARGIN);
+        g->size[k] = finer * (v->size[k] + 2 * MARGIN);
         g->corner[k] = v->placement.origin[k] - MARGIN * f.edge + 0.5 * g->edge;
     }
     g->values = (float *)ex_allocate((size_t)g->size[0] * (size_t)g->size[1] * (size_t)g->size[2], sizeof(float));
@@ -407,6 +424,18 @@ static void write_scene(const contest *c, const fine_grid *g, double most, FILE 
         write_numbers(pov, lines, numbers[i].name, &numbers[i].value, 1);
 }
 
+/* The points of a transfer function, a line for each of their numbers. */
+static void write_look(const sps_transfer *look, FILE *pov, FILE *lines) {
+    static const char *const names[] = {"Values", "Extinctions", "Reds", "Greens", "Blues"};
+    double numbers[5][16];
+    for (int i = 0; i < look->point_count; ++i) {
+        const sps_transfer_point *p = look->points + i;
+        numbers[0][i] = (double)p->value, numbers[1][i] = (double)p->extinction;
+        for (int k = 0; k < 3; ++k) numbers[2 + k][i] = (double)p->albedo[k];
+    }
+    for (int k = 0; k < 5; ++k) write_numbers(pov, lines, names[k], numbers[k], look->point_count);
+}
+
 /* The ground, two triangles, and the rest are objects of their own: each has one color. */
 static void write_land(const contest *c, FILE *pov, FILE *lines) {
     for (size_t i = 0; i < c->land.triangle_count; ++i) {
@@ -438,6 +467,7 @@ static void prepare(const contest *c, const char *folder) {
     write_df3(&g, most, df3);
     fwrite(g.values, sizeof(float), (size_t)g.size[0] * (size_t)g.size[1] * (size_t)g.size[2], raw);
     write_scene(c, &g, most, pov, lines);
+    if (c->frame.volume.transfer) write_look(c->frame.volume.transfer, pov, lines);
     write_land(c, mesh, triangles);
     fclose(df3), fclose(raw), fclose(pov), fclose(lines), fclose(mesh), fclose(triangles);
     free(g.values);
@@ -459,6 +489,7 @@ typedef struct truth {
     int suns;                /* directions to the sun per step, and 400 per point of a polygon; 1: it has no extent */
     int side, first;         /* pixels that are followed, and the place of the first */
     double *values, *noise;  /* of these pixels: radiance, and variance of it */
+    double *linear;          /* a scan's radiance as others interpolate it; NULL: no scan */
 } truth;
 
 /* A pseudo-random number in 0..1. Paths draw more numbers than ex_random has. [Steele et al. 2014] */
@@ -596,6 +627,27 @@ static double marched(const truth *w, const double direction[3], uint64_t *rando
     return sum + exp(-depth) * polygon_radiance(w, which, point, direction, &turn, random);
 }
 
+/* The same for a scan in ambient light of 1. */
+static double classified(const truth *w, const double direction[3]) {
+    const sps_transfer *look = w->contest->frame.volume.transfer;
+    const double length = w->step * w->field.edge;
+    double t0 = 0, t1 = HUGE_VAL, depth = 0, sum = 0, at[3];
+    if (!clip(w, w->rays.origin, direction, &t0, &t1)) return 0;
+    for (double t = t0 + 0.5 * length; t < t1 && depth < 30; t += length) {
+        const sps_transfer_point *high = look->points + 1, *last = look->points + look->point_count - 1;
+        along(w->rays.origin, direction, t, at);
+        const double value = field_at(&w->field, at);
+        while (high < last && value > (double)high->value) ++high;
+        const sps_transfer_point *low = high - 1;
+        const double part = ex_clamp((value - (double)low->value) / (double)(high->value - low->value), 0, 1);
+        const double color = (1 - part) * (double)low->albedo[1] + part * (double)high->albedo[1];
+        const double here = ((1 - part) * (double)low->extinction + part * (double)high->extinction) * length;
+        sum += exp(-depth) * -expm1(-here) * color;
+        depth += here;
+    }
+    return sum;
+}
+
 /* ---------------------------------------------------------------------------------------------------- random paths */
 
 /* The next place where a ray meets gas, or is left without; returns 0 if it leaves. [Woodcock 1965] */
@@ -661,7 +713,9 @@ static void truth_pixel(void *data, int index, int worker) {
     (void)worker;
     pixel_direction(w, x, y, direction);
     for (int i = 0; i < count; ++i) {
-        const double found = w->contest->paths ? path(w, direction, &random) : marched(w, direction, &random);
+        const double found = w->contest->paths                   ? path(w, direction, &random)
+                             : w->contest->frame.volume.transfer ? classified(w, direction)
+                                                                 : marched(w, direction, &random);
         sum += found, squares += found * found;
     }
     w->values[index] = sum / count;
@@ -713,7 +767,7 @@ static void truth_begin(truth *w, const contest *c) {
 
 static void truth_end(truth *w) {
     field_end(&w->field);
-    free(w->corners), free(w->reflectance), free(w->values), free(w->noise);
+    free(w->corners), free(w->reflectance), free(w->values), free(w->noise), free(w->linear);
 }
 
 /* The share of the picture's mean by which the pixels change if steps are `longer` times as long, or if gas is what
@@ -726,7 +780,10 @@ static double change_by(truth *w, ex_session *session, double longer, const fine
     ex_parallel_for(&session->pool, count, truth_pixel, w);
     w->step /= longer, w->field.instead = NULL;
     for (int i = 0; i < count; ++i) squares += pow(w->values[i] - found[i], 2), sum += found[i];
-    free(w->values);
+    if (instead && w->contest->frame.volume.transfer)
+        w->linear = w->values;
+    else
+        free(w->values);
     w->values = found;
     return sqrt(squares / count) / (sum / count);
 }
@@ -750,7 +807,7 @@ static void find_truth(truth *w, ex_session *session, double *step_change, doubl
 }
 
 /* A line with side, stride, and as shares of the mean standard error, change by the step and by the grid; then the
-   pixels. */
+   pixels, and those of a scan once more as others interpolate it. */
 static void write_truth(const contest *c, const char *folder) {
     ex_session session;
     truth w;
@@ -764,6 +821,7 @@ static void write_truth(const contest *c, const char *folder) {
     FILE *file = open_in(folder, "truth.txt", "w");
     fprintf(file, "%d %d %.9g %.9g %.9g\n", w.side, c->stride, sqrt(noise) / mean, step_change, grid_change);
     for (int i = 0; i < count; ++i) fprintf(file, "%.9g\n", w.values[i]);
+    for (int i = 0; w.linear && i < count; ++i) fprintf(file, "%.9g\n", w.linear[i]);
     fclose(file);
     fprintf(stderr, "%s: %d true pixels, mean %.4f, in %.1f s\n", c->name, count, mean, ex_now(NULL) - start);
     ex_session_end(&session);
@@ -781,7 +839,7 @@ static void render_ours(contest *c, int grade, int size, const char *path) {
     ex_session session;
     ex_error error;
     f->view.quality = qualities[grade], f->view.tolerance = tolerances[grade];
-    if (grade == 0) f->view.slab_thickness = 4;
+    if (grade == 0 && !f->volume.transfer) f->view.slab_thickness = 4;
     if (f->light.angular_diameter > 0) f->light.samples = samples[grade];
     if (f->view.scattering == SPS_SCATTERING_MULTIPLE) f->view.scattering_resolution = cells[grade];
     if (size != SIZE) { /* start-up is measured so: what it has in common with a picture is reading */
@@ -808,9 +866,9 @@ static void run_once(char **command) {
     exit(EX_FAILED);
 }
 
-/* The median of three runs if the first one takes less than two seconds. Output of the command is not wanted. */
+/* The median of five runs if the first one takes less than two seconds. Output of the command is not wanted. */
 static void time_command(char **command) {
-    enum { RUNS = 3 };
+    enum { RUNS = 5 };
     double seconds[RUNS];
     struct rusage usage;
     const int out = dup(1);
@@ -925,6 +983,9 @@ static int read_picture(const char *path, picture *p) {
 
 enum { ROWS = 120, WORD = 120 };
 
+static const char *const rival_names[] = {"splatshadow", "Cycles", "POV-Ray", "vdb_render", "VTK"};
+enum { RIVALS = sizeof rival_names / sizeof *rival_names };
+
 /* A picture of a contestant. */
 typedef struct entry {
     char scene[WORD], who[WORD], setting[WORD], path[4 * WORD];
@@ -933,10 +994,10 @@ typedef struct entry {
     picture picture;
 } entry;
 
-/* The true pixels of a scene. */
+/* The true pixels of a scene, and those for other renderers, which are the same except for scans. */
 typedef struct pixels {
     int side, stride;
-    double noise, step_change, grid_change, mean, *values;
+    double noise, step_change, grid_change, *values, *linear;
 } pixels;
 
 static int read_pixels(const char *folder, const char *scene, pixels *t) {
@@ -945,26 +1006,26 @@ static int read_pixels(const char *folder, const char *scene, pixels *t) {
     FILE *file = fopen(path, "r");
     memset(t, 0, sizeof *t);
     if (!file) return 1;
-    int failed =
+    const int failed =
         fscanf(file, "%d %d %lf %lf %lf", &t->side, &t->stride, &t->noise, &t->step_change, &t->grid_change) != 5;
     const int count = failed ? 0 : t->side * t->side;
-    t->values = (double *)ex_allocate((size_t)count, sizeof(double));
-    for (int i = 0; i < count && !failed; ++i) {
-        failed = fscanf(file, "%lf", t->values + i) != 1;
-        t->mean += t->values[i] / count;
-    }
+    int found = 0;
+    t->values = (double *)ex_allocate(2 * (size_t)count, sizeof(double));
+    while (found < 2 * count && fscanf(file, "%lf", t->values + found) == 1) ++found;
+    t->linear = t->values + (found == 2 * count ? count : 0);
     fclose(file);
-    return failed;
+    return failed || found < count;
 }
 
 /* The truth's own error is taken out by squares, down to the standard error of what that is. */
 static void measure(const pixels *t, entry *e) {
     const int count = t->side * t->side, first = (SIZE - (t->side - 1) * t->stride - 1) / 2;
-    const double noise = t->noise * t->noise;
-    double squares = 0;
+    const double noise = t->noise * t->noise, *values = strcmp(e->who, rival_names[0]) ? t->linear : t->values;
+    double squares = 0, mean = 0;
+    for (int i = 0; i < count; ++i) mean += values[i] / count;
     for (int i = 0; i < count; ++i) {
         const int x = first + i % t->side * t->stride, y = first + i / t->side * t->stride;
-        const double off = ((double)e->picture.rgba[4 * (y * SIZE + x) + 1] - t->values[i]) / t->mean;
+        const double off = ((double)e->picture.rgba[4 * (y * SIZE + x) + 1] - values[i]) / mean;
         squares += off * off / count, e->bias += off / count;
     }
     e->rms = sqrt(fmax(squares - noise, noise * sqrt(2.0 / count)));
@@ -989,9 +1050,6 @@ static int read_entries(const char *path, entry *entries) {
 
 /* Times are noisy: what remains is a hundredth of a second at least. */
 static double without_start(const entry *e) { return fmax(e->seconds - e->start, 0.01); }
-
-static const char *const rival_names[] = {"splatshadow", "Cycles", "POV-Ray", "vdb_render"};
-enum { RIVALS = sizeof rival_names / sizeof *rival_names };
 
 /* An error or a bias in percent, with two digits or more. */
 static void print_percent(FILE *file, double share, int signed_value) {
@@ -1047,7 +1105,8 @@ static void print_duels(const contest *c, const entry *entries, int count) {
         if (!ours) continue;
         printf("| %s | %s:", c->title, rival->who);
         print_side(rival), print_side(ours);
-        printf(" %.0f |\n", without_start(rival) / without_start(ours));
+        const double times = without_start(rival) / without_start(ours);
+        printf(" %.*f |\n", times < 10, times);
     }
 }
 
@@ -1058,8 +1117,8 @@ static int takes_part(const entry *entries, int count, const char *who) {
 }
 
 static void draw_curves(const entry *entries, int count, const char *folder) {
-    static const ex_mark marks[RIVALS] = {EX_MARK_DISC, EX_MARK_SQUARE, EX_MARK_CROSS, EX_MARK_RHOMB};
-    static const unsigned colors[RIVALS] = {0x1060c0, 0xc04010, 0x108040, 0x8030a0};
+    static const ex_mark marks[RIVALS] = {EX_MARK_DISC, EX_MARK_SQUARE, EX_MARK_CROSS, EX_MARK_RHOMB, EX_MARK_RING};
+    static const unsigned colors[RIVALS] = {0x1060c0, 0xc04010, 0x108040, 0x8030a0, 0x806000};
     enum { ACROSS = 3, WIDE = 270, HIGH = 220 };
     ex_canvas canvas = ex_canvas_begin(ACROSS * WIDE + 10, (CONTESTS + ACROSS - 1) / ACROSS * HIGH + 30, 1);
     ex_error error;

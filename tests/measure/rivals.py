@@ -1,5 +1,7 @@
-"""rivals.py: the scenes of `make rivals` for OpenVDB and for Blender's Cycles, from what `rivals prepare` wrote.
+"""rivals.py: the scenes of `make rivals` for OpenVDB, VTK and Blender's Cycles, from what `rivals prepare` wrote.
 python3 tests/measure/rivals.py FOLDER writes FOLDER/density.vdb, for vdb_render and for Cycles.
+python3 tests/measure/rivals.py FOLDER STEP SIZE FILE renders FOLDER's scan by VTK's ray caster into a PFM: samples every
+STEP voxels, SIZE pixels along both sides.
 blender -b --factory-startup -P tests/measure/rivals.py -- FOLDER SAMPLES STEP SIZE FILE renders FOLDER's scene by Cycles into an
 OpenEXR file: SAMPLES per pixel at most, rays in steps of STEP voxels, SIZE pixels along both sides."""
 
@@ -154,8 +156,87 @@ def render_cycles(folder, samples, step, size, path):
     bpy.ops.render.render(write_still=True)
 
 
+def look_of(scene, length):
+    """Colors, and the opacity of a length, over the 15 bits that VTK computes in."""
+    import numpy
+    from vtkmodules.vtkCommonDataModel import vtkPiecewiseFunction
+    from vtkmodules.vtkRenderingCore import vtkColorTransferFunction
+
+    colors, opacity = vtkColorTransferFunction(), vtkPiecewiseFunction()
+    values = 32767 / scene["Most"] * numpy.array(scene["Values"])
+    for point in zip(values, scene["Reds"], scene["Greens"], scene["Blues"]):
+        colors.AddRGBPoint(*point)
+    depths = length * numpy.interp(numpy.arange(32768), values, scene["Extinctions"])
+    opacity.BuildFunctionFromTable(0, 32767, 32768, -numpy.expm1(-depths))
+    return colors, opacity
+
+
+def scan_of(folder, scene):
+    import numpy
+    from vtkmodules.vtkCommonDataModel import vtkImageData
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+
+    stored = numpy.fromfile(folder + "/density.df3", ">u2", offset=6) >> 1
+    scan = vtkImageData()
+    scan.SetDimensions([int(n) for n in scene["Size"]])
+    scan.SetSpacing([scene["Edge"]] * 3)
+    scan.SetOrigin(scene["First"])
+    scan.GetPointData().SetScalars(numpy_to_vtk(stored.astype(numpy.uint16)))
+    return scan
+
+
+def write_cast(image, size, path):
+    """The mapper's picture covers a part of the window; its bottom row is the first, as in a PFM."""
+    import ctypes
+    import numpy
+
+    (width, height), (x, y), (across, up) = image.GetImageMemorySize(), image.GetImageOrigin(), image.GetImageInUseSize()
+    stored = (ctypes.c_uint16 * (4 * width * height)).from_address(int(image.GetImage().split("_")[1], 16))
+    pixels = numpy.zeros((size, size, 3), "<f4")
+    pixels[y:y + up, x:x + across] = numpy.array(stored).reshape(height, width, 4)[:up, :across, :3] / 32767
+    with open(path, "wb") as file:
+        file.write(b"PF\n%d %d\n-1\n" % (size, size) + pixels.tobytes())
+
+
+def render_vtk(folder, step, size, path):
+    """What the mapper's Render() does, except showing the picture, which would need a display."""
+    import vtkmodules.vtkRenderingVolumeOpenGL2
+    from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow, vtkVolume
+    from vtkmodules.vtkRenderingVolume import vtkFixedPointVolumeRayCastMapper
+
+    scene = read_scene(folder)
+    length = step * scene["Edge"]
+    colors, opacity = look_of(scene, length)
+    volume, mapper, window, renderer = vtkVolume(), vtkFixedPointVolumeRayCastMapper(), vtkRenderWindow(), vtkRenderer()
+    look = volume.GetProperty()
+    look.SetInterpolationTypeToLinear()
+    look.SetColor(colors)
+    look.SetScalarOpacity(opacity)
+    look.SetScalarOpacityUnitDistance(length)
+    mapper.SetInputData(scan_of(folder, scene))
+    mapper.SetAutoAdjustSampleDistances(0)
+    mapper.SetSampleDistance(length)
+    mapper.SetNumberOfThreads(2)
+    volume.SetMapper(mapper)
+    window.SetSize(size, size)
+    window.AddRenderer(renderer)
+    eye = renderer.GetActiveCamera()
+    eye.SetPosition(scene["Eye"])
+    eye.SetFocalPoint([a + b for a, b in zip(scene["Eye"], scene["Ahead"])])
+    eye.SetViewUp(scene["Up"])
+    eye.SetViewAngle(2 * math.degrees(math.atan(scene["Half"])))
+    eye.SetClippingRange(1, 100)
+    mapper.PerImageInitialization(renderer, volume, 0, [0] * 3, [0] * 3, [0] * 6)
+    mapper.PerVolumeInitialization(renderer, volume)
+    mapper.PerSubVolumeInitialization(renderer, volume, 0)
+    mapper.RenderSubVolume()
+    write_cast(mapper.GetRayCastImage(), size, path)
+
+
 if "--" in sys.argv:
     arguments = sys.argv[sys.argv.index("--") + 1:]
     render_cycles(arguments[0], int(arguments[1]), float(arguments[2]), int(arguments[3]), arguments[4])
+elif len(sys.argv) > 2:
+    render_vtk(sys.argv[1], float(sys.argv[2]), int(sys.argv[3]), sys.argv[4])
 else:
     write_vdb(sys.argv[1])

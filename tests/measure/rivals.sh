@@ -1,9 +1,9 @@
 #!/bin/sh
 # make rivals: renders the scenes of tests/measure/rivals.c by this library and by others that can be installed as packages:
-# Blender's Cycles, POV-Ray, and vdb_render of OpenVDB's tools. Prints Markdown, and draws docs/rivals_curves.png and
-# docs/rivals_pictures.png. CONTESTS="name name" renders only these. Fetches what is missing where that is possible; a
-# rival that is not there, and a scene without its data, are left out, with a message. Truths are kept in build/rivals;
-# `make clean` makes them new.
+# Blender's Cycles, POV-Ray, vdb_render of OpenVDB's tools, and VTK's ray caster. Prints Markdown, and draws
+# docs/rivals_curves.png and docs/rivals_pictures.png. CONTESTS="name name" renders only these. Fetches what is missing
+# where that is possible; a rival that is not there, and a scene without its data, are left out, with a message. Truths
+# are kept in build/rivals; `make clean` makes them new.
 
 set -u
 cd "$(dirname "$0")/../.." || exit 1
@@ -12,6 +12,7 @@ RIVALS=$PWD/build/measure/rivals
 RESULTS=$BUILD/results.txt
 SIZE=256
 THREADS=2
+VTK=vtkmodules.vtkRenderingVolumeOpenGL2
 
 has() { command -v "$1" > /dev/null; }
 
@@ -20,10 +21,10 @@ fetch() {
     { apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "$@"; } > /dev/null 2>&1
 }
 
-# A Python that can write voxels for OpenVDB; where there are several, the system's has its packages.
-python_of_openvdb() {
+# python_of MODULE: a Python that has it; where there are several, the system's has its packages.
+python_of() {
     for python in python3 /usr/bin/python3; do
-        "$python" -c 'import numpy, pyopenvdb' 2> /dev/null && echo "$python" && return
+        "$python" -c "import numpy, $1" 2> /dev/null && echo "$python" && return
     done
 }
 
@@ -114,6 +115,17 @@ run_vdb() {
     done
 }
 
+# run_vtk SETTINGS...: steps in voxels of the scan
+run_vtk() {
+    render="$PYTHON_OF_VTK tests/measure/rivals.py $folder"
+    # shellcheck disable=SC2086
+    start=$(empty $render 1 8 "$folder/empty.pfm")
+    for setting in "$@"; do
+        # shellcheck disable=SC2086
+        measured VTK "steps of $setting" "$folder/vtk_$setting.pfm" "$start" $render "$setting" $SIZE "$folder/vtk_$setting.pfm"
+    done
+}
+
 # begin SCENE: makes what all need; returns non-zero if its data is not there
 begin() {
     scene=$1 folder=$BUILD/$1
@@ -122,7 +134,11 @@ begin() {
     "$RIVALS" ours "$scene" 0 8 "$folder/empty.pfm" >&2 || { echo "skipped: $scene" >&2; return 1; }
     [ -f "$folder/density.raw" ] || "$RIVALS" prepare "$scene" "$folder" || return 1
     [ -f "$folder/truth.txt" ] || "$RIVALS" truth "$scene" "$folder" || return 1
-    [ -f "$folder/density.vdb" ] || [ -z "$PYTHON" ] || "$PYTHON" tests/measure/rivals.py "$folder"
+}
+
+# voxels: for OpenVDB; returns non-zero if they cannot be written
+voxels() {
+    [ -n "$PYTHON" ] && { [ -f "$folder/density.vdb" ] || "$PYTHON" tests/measure/rivals.py "$folder"; }
 }
 
 # with RIVAL SETTINGS...: if it is there
@@ -131,8 +147,9 @@ with() {
     shift
     case $rival in
     pov) ! has povray || run_pov "$@" ;;
-    cycles) ! has blender || [ -z "$PYTHON" ] || run_cycles "$@" ;;
-    vdb) ! has vdb_render || [ -z "$PYTHON" ] || run_vdb "$@" ;;
+    cycles) ! has blender || ! voxels || run_cycles "$@" ;;
+    vdb) ! has vdb_render || ! voxels || run_vdb "$@" ;;
+    vtk) [ -z "$PYTHON_OF_VTK" ] || run_vtk "$@" ;;
     esac
 }
 
@@ -143,6 +160,7 @@ versions() {
     has blender && printf 'Blender %s with Cycles, ' "$(version blender)"
     has povray && printf 'POV-Ray %s, ' "$(version povray)"
     has vdb_render && printf 'vdb_render of OpenVDB %s, ' "$(version libopenvdb-tools)"
+    [ -n "$PYTHON_OF_VTK" ] && printf 'VTK %s, ' "$(version python3-vtk9)"
     printf '%s threads each; %s processors' "$THREADS" "$(getconf _NPROCESSORS_ONLN)"
     printf '%s under %s; %s x %s pixels.\n' "$(sed -n 's/^model name[^:]*: /, /p' /proc/cpuinfo 2> /dev/null | head -1)" "$(uname -s)" "$SIZE" "$SIZE"
 }
@@ -150,12 +168,15 @@ versions() {
 has povray || fetch povray
 has vdb_render || fetch libopenvdb-tools
 has blender || fetch blender
-[ -n "$(python_of_openvdb)" ] || fetch python3-numpy python3-openvdb
-PYTHON=$(python_of_openvdb)
+[ -n "$(python_of pyopenvdb)" ] || fetch python3-numpy python3-openvdb
+[ -n "$(python_of "$VTK")" ] || fetch python3-numpy python3-vtk9
+PYTHON=$(python_of pyopenvdb)
+PYTHON_OF_VTK=$(python_of "$VTK")
 has povray || echo "skipped: POV-Ray: install povray" >&2
 has vdb_render || echo "skipped: vdb_render: install libopenvdb-tools" >&2
 has blender || echo "skipped: Cycles: install blender" >&2
 [ -n "$PYTHON" ] || echo "skipped: Cycles and vdb_render: install python3-numpy and python3-openvdb" >&2
+[ -n "$PYTHON_OF_VTK" ] || echo "skipped: VTK: install python3-numpy and python3-vtk9" >&2
 
 # What `rivals ours` sets at its three grades
 DRAFT="draft, slab 4, tolerance 0.1"
@@ -192,6 +213,10 @@ fi
 if begin cloud; then
     run_ours "$DRAFT, 32 cells" "$MEDIUM, 64 cells" "$HIGH, 128 cells"
     with cycles 8,4 32,4 128,4
+fi
+if begin scan; then
+    run_ours draft medium high
+    with vtk 1 0.5 0.25 0.125
 fi
 printf '## Results\n\n'
 versions

@@ -1045,8 +1045,7 @@ typedef struct sps_context sps_context; /* opaque */
 
 /* ============================================================================================ >>functions */
 
-/* Returns the SPS_VERSION of the compiled implementation. The header must have the same: structs differ between
-   versions. */
+/* Returns the SPS_VERSION of the compiled implementation. It must be the header's: structs differ between versions. */
 SPS_API int sps_version(void);
 
 /* Creates a context, which the caller must free with sps_destroy. config may be NULL: all defaults. Returns NULL on
@@ -1119,7 +1118,7 @@ SPS_API int sps_indexed_mesh_read(void *indexed, size_t first, size_t count, sps
 
 /* Creates a transmittance map, for shadow lookups in an engine: add occluders, finish, query. The caller frees it with
    sps_tmap_destroy. settings and light are copied with all that they point to. Calls on a map count as calls on its
-   context, except those that take a const map. Errors: ARGUMENT, MEMORY (also byte_budget); *map is NULL then. */
+   context, unless they take a const map. Errors: ARGUMENT, MEMORY (also byte_budget); *map is NULL then. */
 SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *light, const sps_tmap_settings *settings,
                                    sps_tmap **map);
 
@@ -4671,7 +4670,7 @@ SPSI_COLD sps_result spsi_check_volume(sps_context *context, const sps_volume *v
     return spsi_check_color(&at, "emission", volume->emission, SPSI_VALUE_MAX);
 }
 
-/* Refuses strides shorter than what they step over: numbers of floats, by mistake. */
+/* Refuses strides shorter than a vertex, such as numbers of floats. */
 SPSI_COLD sps_result spsi_check_strides(const spsi_subject *at, const sps_indexed_mesh *arrays) {
     static const char *const names[] = {"position_stride", "normal_stride", "albedo_stride", "uv_stride"};
     const size_t strides[] = {arrays->position_stride, arrays->normal_stride, arrays->albedo_stride, arrays->uv_stride};
@@ -26532,7 +26531,7 @@ SPSI_COLD sps_result spsi_budget_take(sps_context *context, spsi_frame *frame) {
 
 /* --- learning rates --- */
 
-#define SPSI_MAJOR 0.1 /* minimum share of a frame's time */
+#define SPSI_MAJOR 0.1 /* minimum part of a frame's time */
 
 /* Notes a frame's setting. Returns 1 if it is kept after the third frame. */
 SPSI_COLD int spsi_setting_hold(spsi_rates *pace) {
@@ -26560,9 +26559,9 @@ SPSI_COLD double spsi_rate_learn(spsi_rates *pace, int stage, int preset, int fi
     return last > 0 ? rate / last : 1;
 }
 
-/* Stores rates from what stages took. In a kept setting, a change that all major stages share is the machine's: it
-   scales other presets' rates. A single stage's may be due to the view. `spare`: forgets the others, which a slow
-   while may have spoilt. */
+/* Stores the stages' rates. In a kept setting, the machine causes changes common to all major stages: they scale other
+   presets' rates. The view may change a single stage. `spare`: forgets the other rates, since one slow frame may have
+   spoilt them. */
 SPSI_COLD void spsi_rates_store(spsi_rates *pace, const double *seconds, double total, int steady, int spare) {
     double low = HUGE_VAL, high = 0;
     int runs[SPSI_STAGE_COUNT];

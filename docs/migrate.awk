@@ -1,7 +1,8 @@
-# Renames what version 0.4 has renamed, in C files that use 0.3: the table of docs/changelog.md, applied.
+# Renames what version 0.5 has renamed, in C files that use 0.3: the table of docs/changelog.md, applied.
 #   awk -f migrate.awk changelog.md file.c > new.c
 # Members are renamed where the file shows whose they are: after a variable, parameter or member that it declares with
-# the struct's type, and in the initialiser of one. Compilers name what is left.
+# the struct's type, and in the initialiser of one; anywhere in the file, whatever the function. Names of the table
+# without a struct are renamed everywhere. Compilers name what is left.
 
 FNR == 1 { ++file }
 

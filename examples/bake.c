@@ -665,7 +665,7 @@ static void tell_lost(map_run *run, const sps_tmap *map, const char *const names
         fputs("bake: opaque polygons are not in this texture: --surfaces FILE.dds makes one of them\n", stderr);
 }
 
-static int write_map(map_run *run, const sps_tmap *map, const char *const names[MAP_FILES], ex_error *error) {
+static int write_map(map_run *run, sps_tmap *map, const char *const names[MAP_FILES], ex_error *error) {
     const char *path = names[0];
     const int ending = path ? ending_of(path) : ENDINGS;
     if (ending == DDS && ex_map_write_dds(path, &run->texture, error)) return EX_MISTAKEN;
@@ -676,8 +676,7 @@ static int write_map(map_run *run, const sps_tmap *map, const char *const names[
 }
 
 /* Exports a finished map, and writes its files. */
-static int store_map(map_run *run, arguments *all, const sps_tmap *map, const char *const names[MAP_FILES],
-                     ex_error *error) {
+static int store_map(map_run *run, arguments *all, sps_tmap *map, const char *const names[MAP_FILES], ex_error *error) {
     ex_map_texture surfaces = run->texture;
     int status = EX_OK;
     surfaces.settings.content = SPS_EXPORT_SURFACES;

@@ -180,7 +180,7 @@ FUNCTION(sps_result, sps_tmap_get_projection, (const sps_tmap *map, int face, do
 FUNCTION(sps_result, sps_tmap_get_constants, (const sps_tmap *map, int face, sps_tmap_constants *constants),
          (map, face, constants))
 FUNCTION(sps_result, sps_tmap_export,
-         (const sps_tmap *map, const sps_tmap_export_settings *settings, void *texels, size_t bytes,
+         (sps_tmap * map, const sps_tmap_export_settings *settings, void *texels, size_t bytes,
           sps_tmap_texture *texture),
          (map, settings, texels, bytes, texture))
 FUNCTION(sps_result, sps_tmap_get_info, (const sps_tmap *map, sps_tmap_info *info), (map, info))

@@ -138,7 +138,7 @@ typedef struct ex_map_texture {
     void *texels;
 } ex_map_texture;
 
-static inline sps_result ex_map_export(const sps_tmap *map, ex_map_texture *out) {
+static inline sps_result ex_map_export(sps_tmap *map, ex_map_texture *out) {
     out->texels = NULL;
     const sps_result result = sps_tmap_export(map, &out->settings, NULL, 0, &out->about);
     if (result != SPS_OK) return result;

@@ -14,7 +14,7 @@ static void compare_workers(const scenery *x, long number, sps_context *used) {
 }
 
 /* Exports the map in one of all formats and layouts into memory of just its size: floats are finite. */
-static int export_sane(const sps_tmap *map, long number) {
+static int export_sane(sps_tmap *map, long number) {
     const int lists = map->technique->lists > 0, empty = map->settings.components == 0 && !lists;
     sps_tmap_export_settings settings = {0, SPS_EXPORT_GAS, SPS_EXPORT_FLOAT, SPS_EXPORT_ARRAY, 0, 0, 0, 0, 0};
     sps_tmap_texture texture;

@@ -874,7 +874,7 @@ static sps_result make_map(sps_context *context, const scenery *x, const sps_tma
     return result;
 }
 
-static void check_map_outcome(const sps_tmap *map, long number, sps_result result, const sps_context *context) {
+static void check_map_outcome(sps_tmap *map, long number, sps_result result, const sps_context *context) {
     const int good = result == SPS_OK ? map_sane(map) && !sps_error(context)[0] : sps_error(context)[0] != 0;
     if (!CHECK(good) || !CHECK(check_error_info(context, result))) report(number, "map", result, context);
 }

@@ -334,7 +334,7 @@ static sps_tmap *make_map(sps_context *context, int technique, int is_round, int
 }
 
 /* The file holds the bytes that sps_tmap_export writes, and says what they are. */
-static void check_dds(const sps_tmap *map, const sps_tmap_export_settings *settings) {
+static void check_dds(sps_tmap *map, const sps_tmap_export_settings *settings) {
     static const unsigned dxgi[4][2] = {{41, 2}, {54, 10}, {56, 11}, {61, 28}}; /* of one channel, of four */
     static char made[MOST];
     char path[100];
@@ -807,7 +807,7 @@ static sps_tmap *make_loaded(sps_context *context, const loaded *s, const sps_tm
 
 /* Numbers of a file of floats, and what is exported here. The two programs may round differently: 16 operations of
    6e-8, of numbers up to the largest one. */
-static void check_numbers(const sps_tmap *map, sps_export_layout layout, sps_export_content content, const char *name) {
+static void check_numbers(sps_tmap *map, sps_export_layout layout, sps_export_content content, const char *name) {
     static float made[MOST / 4];
     sps_tmap_export_settings settings;
     sps_tmap_texture about;

@@ -16,7 +16,7 @@ static sps_tmap_export_settings wanted(sps_export_format format, sps_export_layo
     return settings;
 }
 
-static int export_into(const sps_tmap *map, const sps_tmap_export_settings *settings, sps_tmap_texture *texture) {
+static int export_into(sps_tmap *map, const sps_tmap_export_settings *settings, sps_tmap_texture *texture) {
     memset(exported, 0xcd, sizeof exported);
     return CHECK_OK(map->context, sps_tmap_export(map, settings, exported, sizeof exported, texture)) &&
            CHECK(texture->bytes <= sizeof exported) &&
@@ -371,7 +371,7 @@ static void test_beer_of_nothing(void) {
 
 /* ------------------------------------------------------------------------------------------------- errors, memory */
 
-static void check_refused(const sps_tmap *map, const sps_tmap_export_settings *settings, sps_result result,
+static void check_refused(sps_tmap *map, const sps_tmap_export_settings *settings, sps_result result,
                           const char *text) {
     sps_tmap_texture t, before;
     memset(&t, 7, sizeof t), memset(&before, 7, sizeof before), memset(exported, 3, 100);

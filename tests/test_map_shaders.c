@@ -66,8 +66,8 @@ static float value_at(const unsigned char *bytes, sps_export_format format, size
 }
 
 /* Exports; returns the bytes, and what a texture makes of each number. */
-static unsigned char *take(const sps_tmap *map, sps_export_content content, sps_export_format format,
-                           sps_tmap_texture *about, float **values) {
+static unsigned char *take(sps_tmap *map, sps_export_content content, sps_export_format format, sps_tmap_texture *about,
+                           float **values) {
     static const size_t each[FORMATS] = {4, 2, 2, 1};
     sps_tmap_export_settings settings;
     memset(&settings, 0, sizeof settings);
@@ -298,7 +298,7 @@ static double beyond(span s, double value) {
 
 /* The weight at map coordinates in doubles. */
 static double expect_fade(const subject *s, const double q[3]) {
-    const sps_tmap *map = s->map;
+    sps_tmap *map = s->map;
     const double x = fmin(q[0], s->gas.width - 1 - q[0]), y = fmin(q[1], s->gas.height - 1 - q[1]);
     if (map->grid.face_count > 1) return 1;
     return fmin(fmax((fmin(x, y) - map->border + 0.5) / FADE, 0), 1);
@@ -309,7 +309,7 @@ static double expect_fade(const subject *s, const double q[3]) {
 static void judge(const subject *s, const float point[3], const float got[4], int is_hardware, int is_centre,
                   errors *worst) {
     const double at[3] = {(double)point[0], (double)point[1], (double)point[2]};
-    const sps_tmap *map = s->map;
+    sps_tmap *map = s->map;
     spsi_tmap_quad quad;
     double q[3], offset[3];
     float query = -1;

@@ -279,7 +279,7 @@ build/tests/header.no_reference.log: tests/no_reference.c tests/check.h splatsha
 	@$(call run,header.no_reference,gcc $(STANDARD) -O0 -Wall -Wextra -Werror -DSPLATSHADOW_NO_REFERENCE -I. $< \
 		-o build/tests/no_reference $(LIBRARIES) && build/tests/no_reference)
 
-# The tutorial of 0.3 compiles after docs/migrate.awk has renamed what 0.4 has. Structs have more members since.
+# The tutorial of 0.3 compiles after docs/migrate.awk has renamed what 0.5 has. Structs have more members since.
 build/tests/header.migrate.log: docs/migrate.awk docs/changelog.md splatshadow.h $(wildcard tests/tutorial_0_3/*.c examples/*.h)
 	@$(call run,header.migrate,(mkdir -p build/tests/migrated; for f in tests/tutorial_0_3/*.c; do \
 		awk -f docs/migrate.awk docs/changelog.md $$f | sed '/define SPLATSHADOW_IMPLEMENTATION/d' > build/tests/migrated/$${f##*/} && \

@@ -299,7 +299,8 @@ static void bound_scattering(const char *name, ex_change common) {
     trial_begin(&all, common, NULL);
     trial_begin(&once, common, ex_scatter_auto);
     failures += once.stats.cells > 0;
-    print_bound(name, "fraction of radiance", once.stats.scattering_bound, radiance_sum(&all) / radiance_sum(&once) - 1);
+    print_bound(name, "fraction of radiance", once.stats.scattering_bound,
+                radiance_sum(&all) / radiance_sum(&once) - 1);
     printf("%.2f |\n", trial_race(&all, &once));
     trial_end(&all);
     trial_end(&once);

@@ -32,8 +32,7 @@ static float decode(const unsigned char *bytes, sps_export_format format, size_t
     return number & 0x8000 ? -size : size;
 }
 
-static decoded_map decode_map(const ex_session *session, const char *program, const sps_tmap *map,
-                              sps_export_format format) {
+static decoded_map decode_map(const ex_session *session, const char *program, sps_tmap *map, sps_export_format format) {
     sps_tmap_export_settings settings = {.format = format, .layout = SPS_EXPORT_SLICES};
     sps_tmap_texture texture;
     sps_tmap_constants constants;

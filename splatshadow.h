@@ -26575,11 +26575,9 @@ SPSI_COLD void spsi_rates_store(spsi_rates *pace, const double *seconds, double 
         low = spsi_dmin(low, change), high = spsi_dmax(high, change);
     }
     const double shared = spare ? 0 : high > 0 ? spsi_dmin(spsi_dmax(low, 1), high) : 1;
-    for (int n = 0; steady && n < SPSI_STAGE_COUNT * SPSI_PRESETS; ++n) {
-        const int stage = n / SPSI_PRESETS, preset = n % SPSI_PRESETS;
-        if (runs[stage] && preset != spsi_stage_preset((spsi_stage)stage, &pace->setting))
-            pace->rates[stage][preset] *= shared;
-    }
+    for (int stage = 0; steady && stage < SPSI_STAGE_COUNT; ++stage)
+        for (int preset = 0; preset < SPSI_PRESETS && runs[stage]; ++preset)
+            if (preset != spsi_stage_preset((spsi_stage)stage, &pace->setting)) pace->rates[stage][preset] *= shared;
 }
 
 SPSI_COLD void spsi_rates_learn(sps_context *context, const spsi_frame *frame) {

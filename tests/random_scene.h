@@ -1508,7 +1508,9 @@ static const struct scene_reason {
     {TEXELS, AREA, 0.07, 0.052, "shadows of polygons in gas are as wide as the texels of an area light, or its voxels"},
     /* one scene of 9 voxels, as above: 12 and 9.6 %; 2.9 and 2.8 % without normals and by 512 texels */
     {NORMALS | TEXELS, AREA_SURFACES, 0.063, 0.051, "shadows of surfaces as wide as the voxels, and normals"},
-    {NORMALS | SHADOWS, ANYWHERE, 0.022, 0.016, "edges of shadows, and normals"},
+    /* the most, of a narrow spotlight: 0.0245 and 0.0216; 1024 texels take errors of 14 and 10 % at medium and ultra to
+       4.6 and 3.3 % */
+    {NORMALS | SHADOWS, ANYWHERE, 0.027, 0.024, "edges of shadows, and normals"},
     /* one scene, 0.0272 and 0.0233: 5.85 and 5.02 %, without normals 4.15 and 3.56, without both 2.99 and 2.63 */
     {NORMALS | BALLS, ANYWHERE, 0.03, 0.026, "normals, and balls of a few pixels"},
     /* two scenes: a surface and balls around a lamp */

@@ -38,7 +38,7 @@ static void test_files_written(void) {
     CHECK(read_file("a.png", text, sizeof text) > 60 && memcmp(text, "\x89PNG\r\n\x1a\n", 8) == 0);
     CHECK(read_file("a.pfm", text, sizeof text) == 12 + 4 * 3 * 20 && memcmp(text, "PF\n5 4\n-1.0\n", 12) == 0);
     CHECK(read_file("b.pfm", text, sizeof text) == 12 + 4 * 20 && memcmp(text, "Pf\n5 4\n-1.0\n", 12) == 0);
-    CHECK(read_file("a.json", text, sizeof text) > 60 && text[0] == '{' && strstr(text, "\"version\": 400\n}\n"));
+    CHECK(read_file("a.json", text, sizeof text) > 60 && text[0] == '{' && strstr(text, "\"version\": 500\n}\n"));
 }
 
 /* Renders with the options in order from `first` on, or in reverse (step -1); returns whether this is that picture. */

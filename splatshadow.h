@@ -19397,6 +19397,8 @@ static sps_result spsi_cells_look(sps_context *context, const spsi_frame *frame,
 #define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
 /* Patch order: by side (x, y, z; lower first), then along its higher axis, then its lower. */
 #define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
+/* Patches that divide into the same parts: two rows, so that pictures do not depend on the width of vectors */
+#define SPSI_CELL_GROUP (2 * SPSI_CELL_PATCHES)
 #define SPSI_CELL_AIM 0.6f /* outgoing light originates at this fraction of its path */
 #define SPSI_CELL_PLACES 6 /* floats of geometry: centre relative to the grid's corner, area, widths */
 
@@ -19720,7 +19722,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
     for (int k = 0; k < 3; ++k) from.extent[k] = grid->edge * grid->size[k];
     SPSI_ROLLED for (int c = 0; c < count; ++c) from.thick[c] = grid->thick[channel + c] / (float)grid->edge;
     for (int n = 0; n < SPSI_CELL_SHEET; n += SPSI_LANES) {
-        const float *patch = grid->patches + n;
+        const float *patch = grid->patches + n, *group = patch - n % SPSI_CELL_GROUP;
         const int side = spsi_cell_patch_side(n), axis = from.axis = side / 2;
         const double end = side % 2 ? from.extent[axis] : 0, outward = side % 2 ? 1 : -1;
         spsi_v area = spsi_load(patch + 3 * SPSI_CELL_SHEET), middle[3], some[3] = {zero, zero, zero};
@@ -19731,8 +19733,8 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
         if (!(beyond > 0)) continue;
         from.along[0] = axis == 0 ? 1 : 0, from.along[1] = axis == 2 ? 1 : 2;
         for (int k = 0; k < 2; ++k) { /* tangential distance */
-            const float *own = patch + from.along[k] * SPSI_CELL_SHEET, *width = patch + (4 + k) * SPSI_CELL_SHEET;
-            const int last = k ? SPSI_LANES - 1 : spsi_imin(SPSI_LANES, SPSI_CELL_PATCHES) - 1;
+            const float *own = group + from.along[k] * SPSI_CELL_SHEET, *width = group + (4 + k) * SPSI_CELL_SHEET;
+            const int last = (k ? SPSI_CELL_GROUP : SPSI_CELL_PATCHES) - 1;
             const double begin = (double)(own[0] - 0.5f * width[0]) - at[from.along[k]];
             const double off = spsi_dmax(begin, at[from.along[k]] - (double)(own[last] + 0.5f * width[last]));
             square += off > 0 ? off * off : 0;
@@ -23648,14 +23650,16 @@ typedef struct spsi_cell_path {
     float enough; /* optical depth beyond which the rest does not matter */
 } spsi_cell_path;
 
-/* Interpolates an array between entries. `even`: lanes are neighbours in a row, whose padding is empty. */
+/* Interpolates an array between entries. `even`: lanes are neighbours in a row, whose padding is empty. They then count
+   on from the first lane's entry: near an integer, rounding would give some lanes another one. */
 static inline spsi_v spsi_cells_between(const float *depth, int pitch, const int size[3], const spsi_v at[3],
                                         int even) {
     const spsi_v zero = spsi_set(0);
     spsi_v low[3], share[3], row;
     for (int k = 0; k < 3; ++k) {
         const spsi_v last = spsi_set((float)spsi_imax(size[k] - 2, 0));
-        low[k] = k > 0 || !even ? spsi_clamp(spsi_floor(at[k]), zero, last) : spsi_floor(at[k]);
+        low[k] = spsi_clamp(spsi_floor(at[k]), zero, last);
+        if (k == 0 && even) low[k] = spsi_add(spsi_floor(spsi_set(spsi_one(at[k]))), spsi_iota());
         share[k] = spsi_clamp(spsi_sub(at[k], low[k]), zero, spsi_set(1));
     }
     row = spsi_fma(low[2], spsi_set((float)size[1]), low[1]);

@@ -6,7 +6,11 @@
 # configuration whose compiler is not available is skipped, with a message. Long ones come first, since make runs them
 # in this order, and what is short fills the cores at the end.
 TESTS = $(patsubst tests/%.c,%,$(wildcard tests/test_*.c))
-CONFIGURATIONS ?= wide_sanitized sanitized readme baseline cpp glsl hlsl native
+CONFIGURATIONS ?= wide_sanitized cpp plain glsl hlsl native
+
+# Tests free and allocate large blocks often; kept by the C library, these need no new pages.
+export MALLOC_MMAP_THRESHOLD_ ?= 1000000000
+export MALLOC_TRIM_THRESHOLD_ ?= 4000000000
 
 # -O2 takes 4 seconds more to compile than -O1; tests then run in a third to three quarters of the time
 COMPILE_native    = gcc $(STANDARD) -O2 -march=native
@@ -14,19 +18,19 @@ comma = ,
 SANITIZE = clang $(STANDARD) -O1 -gline-tables-only -fsanitize=address,undefined -fno-sanitize-recover=all
 # In short tests, undefined behaviour traps, and the stack says where it was; of pointers, addresses are enough, and
 # alignment with vectors. That takes two thirds of the time to compile.
-TRAP = $(if $(SPLATSHADOW_LONG),,-fsanitize-trap=undefined -fno-sanitize=null,pointer-overflow$(1))
+TRAP = $(if $(SPLATSHADOW_LONG),,-fsanitize-trap=undefined -fno-sanitize=null,pointer-overflow)
 export ASAN_OPTIONS ?= handle_sigill=1
-COMPILE_wide_sanitized = $(SANITIZE) -march=native $(call TRAP)
-COMPILE_sanitized = $(SANITIZE) -DSPS_NO_SIMD $(call TRAP,$(comma)alignment)
+COMPILE_wide_sanitized = $(SANITIZE) -march=native $(TRAP)
+COMPILE_sanitized = $(SANITIZE) -DSPS_NO_SIMD
 COMPILE_cpp       = g++ -x c++ -std=c++11 -D_POSIX_C_SOURCE=200809L $(if $(SPLATSHADOW_LONG),-O2,-O1)
-COMPILE_baseline  = gcc $(STANDARD) $(if $(SPLATSHADOW_LONG),-O2,-O1)
-COMPILE_plain     = gcc $(STANDARD) -O2 -DSPS_NO_SIMD
+COMPILE_baseline  = gcc $(STANDARD) -O2
+COMPILE_plain     = gcc $(STANDARD) $(if $(SPLATSHADOW_LONG),-O2,-O1) -DSPS_NO_SIMD
 COMPILE_threads   = clang $(STANDARD) -O1 -g -fsanitize=thread -march=native
 # In plain C: clang 14 takes what most vector instructions answer for uninitialised if any lane of theirs is
 COMPILE_memory    = clang $(STANDARD) -O1 -gline-tables-only -DSPS_NO_SIMD -fsanitize=memory
-# As in the README, in long tests at its -O3; and the ways in which compilers contract a * b + c, which differ between
+# As in the README; and the ways in which compilers contract a * b + c, which differ between
 # these and the sanitized ones, except that clang is as wide_sanitized
-COMPILE_readme    = cc $(if $(SPLATSHADOW_LONG),-O3,-O1 -DSPS_API=static) -march=native
+COMPILE_readme    = cc -O3 -march=native
 COMPILE_fused     = gcc $(STANDARD) -O1 -march=native -ffp-contract=fast
 COMPILE_clang     = clang -O1 -march=native
 # The test that runs examples/shaders/, in the shading languages instead of C
@@ -34,17 +38,13 @@ COMPILE_glsl      = $(COMPILE_cpp) -DSAMPLING_GLSL
 COMPILE_hlsl      = $(COMPILE_cpp) -DSAMPLING_HLSL
 
 # The tests of each configuration: all of them natively, with the same random scenes each time (`make fuzz-scenes` and
-# `make soak` for others), except for the fuzzer's inputs, which are for sanitizers; under sanitizers those with most
-# kinds of memory access, the slow ones with vectors; elsewhere the most sensitive ones.
+# `make soak` for others), except for the fuzzer's inputs, which are for sanitizers; under sanitizers, with vectors,
+# those with most kinds of memory access; in C++, which has SSE2 here, and in plain C the most sensitive ones.
 TESTS_native    = $(if $(SPLATSHADOW_LONG),$(TESTS),$(filter-out test_seeds,$(TESTS))) fuzz soak
-TESTS_sanitized = test_extremes test_transmittance test_arrays
 MAP_TESTS = test_map_answers test_map_memory test_map_pictures test_map_states
-TESTS_wide_sanitized = test_hooks test_workers test_interface test_files test_inflate test_vdb test_nvdb test_exr test_dds test_six_way test_bake test_light_volume test_parts test_ears test_polygons test_seeds $(MAP_TESTS) test_watertight
-TESTS_cpp       = test_pictures test_arrays test_throwing
-TESTS_baseline  = test_simd
-TESTS_readme    = test_watertight
-TESTS_fused     = test_watertight
-TESTS_clang     = test_watertight
+TESTS_wide_sanitized = test_extremes test_hooks test_workers test_interface test_files test_inflate test_vdb test_nvdb test_exr test_dds test_six_way test_bake test_light_volume test_parts test_ears test_polygons test_seeds $(MAP_TESTS) test_watertight
+TESTS_cpp       = test_pictures test_arrays test_throwing test_simd
+TESTS_plain     = test_transmittance test_arrays
 TESTS_glsl      = test_sampling
 TESTS_hlsl      = test_sampling
 ifdef SPLATSHADOW_LONG
@@ -61,7 +61,7 @@ endif
 # tests, a test itself is not optimised, which takes longer than it saves, unless it computes much. Natively, the object
 # is, and its functions may be inlined: both take 18 seconds more to compile, and tests run in three quarters of the
 # time. Where sanitizers are, calls cost little beside them, and functions are weak, as for `make mutants`.
-SPLIT = native sanitized wide_sanitized cpp glsl hlsl threads memory $(if $(SPLATSHADOW_LONG),plain baseline)
+SPLIT = native sanitized wide_sanitized cpp plain glsl hlsl threads memory baseline
 SPLIT_CPP = cpp glsl hlsl
 COMPUTING = test_area test_brackets test_cells test_filling test_particles test_reading test_sampling test_scattering test_spotlights test_spreading test_walls
 optimize = $(if $(SPLATSHADOW_LONG)$(filter $(COMPUTING),$(1)),,-O0)
@@ -75,7 +75,7 @@ OPTIMIZE_native = -O3
 CHECK_COMPILERS = gcc clang
 CHECK_STANDARDS = c99 $(if $(SPLATSHADOW_LONG),c11) c++11
 CHECK_VARIANTS = plain sse2 avx2 avx512 face
-STATIC_CHECKS = gcc_c99_static $(if $(SPLATSHADOW_LONG),clang_c99_static)
+STATIC_CHECKS = $(if $(SPLATSHADOW_LONG),gcc_c99_static clang_c99_static)
 # After the standard headers, and macros of others
 HOSTILE = -include tests/hostile.h
 VARIANT_plain  = -DSPLATSHADOW_IMPLEMENTATION -DSPS_NO_SIMD $(HOSTILE)
@@ -103,10 +103,12 @@ VARIANT_chromium = -DSPLATSHADOW_IMPLEMENTATION -Wall -Wextra -Wloop-analysis -W
 	-Wsign-conversion -Wtautological-unsigned-zero-compare
 ENGINE_CHECKS = gcc_c++17_godot clang_c11_godotclang clang_c++20_unreal clang_c11_chromium \
 	$(if $(SPLATSHADOW_LONG),gcc_c11_godot clang_c++17_godotclang clang_c11_unreal clang_c++20_chromium)
-# In short tests, each compiler has every variant in one language, and some in the other
+# In short tests, each compiler has every variant in one language, and some in the other; what programs link is compiled,
+# and only two variants are, for examples/dispatch.c
 EVERY_CHECK = $(foreach c,$(CHECK_COMPILERS),$(foreach s,$(CHECK_STANDARDS),$(foreach v,$(CHECK_VARIANTS),$(c)_$(s)_$(v))))
 SHORT_CHECKS = gcc_c99_% clang_c++11_% gcc_c++11_sse2 clang_c99_face
 CHECKS = $(if $(SPLATSHADOW_LONG),$(EVERY_CHECK),$(filter $(SHORT_CHECKS),$(EVERY_CHECK))) $(STATIC_CHECKS) $(ENGINE_CHECKS)
+SYNTAX_ONLY = gcc_c99_plain $(if $(SPLATSHADOW_LONG),,gcc_c99_avx512)
 EXAMPLE_CHECKS = $(foreach c,gcc $(if $(SPLATSHADOW_LONG),clang),$(foreach e,$(EXAMPLES:build/%=%) dispatch $(MEASURES),$(c)_$(e))) $(if $(SPLATSHADOW_LONG),,clang_hello)
 HELLO_RUNS = $(if $(SPLATSHADOW_LONG),gcc clang)
 
@@ -115,7 +117,7 @@ language = $(if $(findstring ++,$(1)),-x c++ -std=$(1) $(WARNINGS),-x c -std=$(1
 
 test:
 	@command -v clang >/dev/null && command -v gcc >/dev/null && command -v g++ >/dev/null || { $(call fetch,gcc g++ clang libc6-dev); }
-	@mkdir -p build/tests && $(call can_build,sanitized) || { $(call fetch,libclang-rt-$$(clang -dumpversion | cut -d. -f1)-dev); }
+	@mkdir -p build/tests && $(call can_build,wide_sanitized) || { $(call fetch,libclang-rt-$$(clang -dumpversion | cut -d. -f1)-dev); }
 	@test -f $(STB)/stb_image_write.h || { $(call fetch,libstb-dev); }
 	@command -v tcc >/dev/null || { $(call fetch,tcc); }
 	@command -v pkg-config >/dev/null && command -v cmake >/dev/null || { $(call fetch,pkg-config cmake); }
@@ -176,8 +178,9 @@ build/tests/names.log: splatshadow.h README.md $(wildcard docs/*.md)
 	grep -qw "$$name" splatshadow.h || { echo "splatshadow.h has no $$name"; exit 1; }; done) && $(ONE_PASSED))
 
 # Tests whether a configuration's compiler is available and makes programs that run.
-can_build = { echo 'int main(void) { return 0; }' > build/tests/probe_$(1).c && \
-	$(COMPILE_$(1)) build/tests/probe_$(1).c -o build/tests/probe_$(1) && build/tests/probe_$(1); } >/dev/null 2>&1
+can_build = { test -e build/tests/ready_$(1) || { echo 'int main(void) { return 0; }' > build/tests/probe_$(1).c && \
+	$(COMPILE_$(1)) build/tests/probe_$(1).c -o build/tests/probe_$(1) && build/tests/probe_$(1) && \
+	touch build/tests/ready_$(1); }; } >/dev/null 2>&1
 
 # Only the inner makes of `test` have these targets: they test what is available after missing packages were fetched.
 ifneq ($(filter objects run-tests,$(MAKECMDGOALS)),)
@@ -205,8 +208,8 @@ $(if $(STB_THERE),$(if $(filter native,$(READY)),$(foreach c,$(READY),$(eval bui
 	$(eval build/tests/$(c).test_six_way.log build/tests/$(c).test_bake.log build/tests/$(c).test_light_volume.log: build/tests/bake))))
 
 # The program in plain C that test_simd compares itself with, linked once for several configurations
-SIMD_PLAIN_THERE = $(if $(SPLATSHADOW_LONG),,$(if $(filter sanitized,$(READY)),build/tests/simd_plain))
-$(if $(SIMD_PLAIN_THERE),$(foreach c,$(filter native baseline,$(READY)),\
+SIMD_PLAIN_THERE = $(if $(SPLATSHADOW_LONG),,$(if $(filter plain,$(READY)),build/tests/simd_plain))
+$(if $(SIMD_PLAIN_THERE),$(foreach c,$(filter native cpp,$(READY)),\
 	$(eval build/tests/$(c).test_simd.log: $(SIMD_PLAIN_THERE)) \
 	$(eval build/tests/$(c).test_simd.log: export SIMD_PLAIN = $(SIMD_PLAIN_THERE))))
 
@@ -263,7 +266,7 @@ UNIT = printf '\#include "splatshadow.h"\n\#undef SPLATSHADOW_IMPLEMENTATION\n\#
 
 build/tests/header.%.log: splatshadow.h tests/hostile.h
 	@$(call run,header.$*,$(UNIT) | $(call part,1,$*) $(call language,$(call part,2,$*)) -O0 $(VARIANT_$(call part,3,$*)) \
-		-I. $(if $(filter-out gcc_c99_plain,$(filter gcc_c99_% clang_c99_% clang_c++11_% gcc_c++11_sse2,$*)),-c -o build/tests/header.$*.o,-fsyntax-only) - && $(ONE_PASSED))
+		-I. $(if $(filter-out $(SYNTAX_ONLY),$(filter gcc_c99_% clang_c99_% clang_c++11_% gcc_c++11_sse2,$*)),-c -o build/tests/header.$*.o,-fsyntax-only) - && $(ONE_PASSED))
 
 # A compiler of plain C and little else
 build/tests/header.tcc.log: splatshadow.h
@@ -274,9 +277,9 @@ build/tests/header.tcc.log: splatshadow.h
 build/tests/shaders.%.log: tests/shaders.sh docs/shadow_maps.md $(wildcard examples/shaders/*)
 	@$(call run,shaders.$*,sh $< $* build/tests)
 
-# The implementation without sps_reference, and without a warning
+# The implementation without sps_reference, local to its file, and without a warning
 build/tests/header.no_reference.log: tests/no_reference.c tests/check.h splatshadow.h
-	@$(call run,header.no_reference,gcc $(STANDARD) -O0 -Wall -Wextra -Werror -DSPLATSHADOW_NO_REFERENCE -I. $< \
+	@$(call run,header.no_reference,gcc $(STANDARD) -O0 $(WARNINGS_C) -Werror -DSPLATSHADOW_NO_REFERENCE -DSPS_API=static -I. $< \
 		-o build/tests/no_reference $(LIBRARIES) && build/tests/no_reference)
 
 # The tutorial of 0.3 compiles after docs/migrate.awk has renamed what 0.5 has. Structs have more members since.
@@ -331,10 +334,10 @@ build/tests/step.%.log: examples/tutorial/%.c $(HEADERS) $(wildcard examples/sha
 		-o build/tests/tutorial/$* $(LIBRARIES) && $(ONE_PASSED))
 
 build/tests/render build/tests/bake build/tests/join: build/tests/%: examples/%.c $(HEADERS) build/tests/native.code.o
-	@$(COMPILE_native) $(INCLUDES) $< build/tests/native.code.o -o $@ $(LIBRARIES)
+	@$(COMPILE_native) $(call optimize,$@) $(INCLUDES) $< build/tests/native.code.o -o $@ $(LIBRARIES)
 
-build/tests/simd_plain: tests/test_simd.c tests/check.h $(call code,sanitized) build/tests/faces/splatshadow.h
-	@$(COMPILE_sanitized) -ffp-contract=off -w -Ibuild/tests/faces -I. $< $(call code,sanitized) -o $@ $(LIBRARIES)
+build/tests/simd_plain: tests/test_simd.c tests/check.h $(call code,plain) build/tests/faces/splatshadow.h
+	@$(COMPILE_plain) -ffp-contract=off -w -Ibuild/tests/faces -I. $< $(call code,plain) -o $@ $(LIBRARIES)
 
 # The implementation in one object, C as well as C++, and a plain user of it in another.
 LINK_USER = printf '\#include "splatshadow.h"\nint main(void) { return sps_version() != SPS_VERSION; }\n' > link_user.c
@@ -345,9 +348,10 @@ build/tests/header.link.log: splatshadow.h build/tests/header.gcc_c99_sse2.log b
 		gcc link_user.o header.gcc_c++11_sse2.o -o link_cpp -lm -lstdc++ && ./link_cpp) && $(ONE_PASSED))
 
 # examples/dispatch.c, beside the objects of other rows, in C with the same flags, and in C++
-DISPATCH_PLAIN = $(if $(X86),$(VARIANTS:%=gcc_c99_%)) $(if $(filter gcc,$(CPP_THERE)),gcc_c++11_sse2)
+DISPATCHED = $(if $(SPLATSHADOW_LONG),$(VARIANTS),$(filter-out avx512,$(VARIANTS)))
+DISPATCH_PLAIN = $(if $(X86),$(DISPATCHED:%=gcc_c99_%)) $(if $(filter gcc,$(CPP_THERE)),gcc_c++11_sse2)
 build/tests/dispatch.log: tests/dispatch.sh tests/dispatch.c tests/port_pictures.h tests/check.h examples/dispatch.c splatshadow.h $(DISPATCH_PLAIN:%=build/tests/header.%.log)
-	@$(call run,dispatch,CC=gcc VARIANTS="$(VARIANTS)" $(foreach v,$(VARIANTS),FLAGS_$(v)="$(FLAGS_$(v))" \
+	@$(call run,dispatch,CC=gcc VARIANTS="$(DISPATCHED)" $(foreach v,$(DISPATCHED),FLAGS_$(v)="$(FLAGS_$(v))" \
 		PLAIN_$(v)=build/tests/header.gcc_c99_$(v).o) PLAIN_cpp=build/tests/header.gcc_c++11_sse2.o sh $< build/tests/dispatch)
 
 # The quick start, built from the installed files, and by CMake

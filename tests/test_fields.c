@@ -1,9 +1,9 @@
 /* One field at a time. A scene that has everything is rendered; one field of one struct is changed, an array's elements
-   one by one; it is rendered again in the same context. That must give the bits of a new context, and restoring the
-   field those of before: whatever a context holds from call to call is made anew where a field that it depends on
-   changes. Each change must show in at least one of the ways to make an image or a map, unless its row says that it
-   must not. The struct declarations of splatshadow.h are read, and each field must have a row, or a reason to have
-   none.
+   one by one; it is rendered again in the same context. That must give the bits of a new context, and so must restoring
+   the field, in the quick test together with the next change: whatever a context holds from call to call is made anew
+   where a field that it depends on changes. Each change must show in at least one of the ways to make an image or a
+   map, unless its row says that it must not. The struct declarations of splatshadow.h are read, and each field must
+   have a row, or a reason to have none.
 
    CHECK_FIGURES in the environment prints in which ways each field shows. */
 
@@ -478,8 +478,9 @@ typedef struct holder {
 
 static holder held[1 + WAYS];
 
-/* Whether the change of an element shows in way number n. The held context makes what was before, what is
-   after, and what was before again; all three are what a new context makes. */
+/* Whether the change of an element shows in way number n. The held context makes what was before, what is after, and
+   what was before again; all three are what a new context makes. The quick test makes what was before once for several
+   changes in a row, except of data behind a revision. */
 static int shows(const row *r, int kept, size_t element, int n) {
     static outcome out, fresh;
     holder *by = &held[kept ? 1 + n : 0];
@@ -493,8 +494,8 @@ static int shows(const row *r, int kept, size_t element, int n) {
     shown = !same_outcome(&fresh, before);
     if (!same_outcome(&out, &fresh)) wrong |= 2;
     made_before(r->scene, kept, n);
-    make(by->context, &ways[n], &out);
-    if (!same_outcome(&out, before)) wrong |= 4;
+    if (check_long() || r->also == REVISION || r->also == SIZES)
+        make(by->context, &ways[n], &out), wrong |= same_outcome(&out, before) ? 0 : 4;
     by->last = before;
     if (!CHECK_CASE("Engineering", "each field of each struct changed alone in a context that held what was before",
                     "the bits of a new context", wrong, 0, "same bits"))
@@ -543,12 +544,12 @@ static void check_element(const row *r, size_t element) {
     if (!CHECK(shown == (r->also != HIDDEN))) complain(r, element, 0, shown ? "shows" : "shows nowhere");
 }
 
-/* The quick test takes every third element of longer arrays. */
+/* The quick test takes every third element of arrays, which begins at another one in each row. */
 static void test_fields(void) {
     for (int i = 0; i < ROWS; ++i) {
         const size_t count = rows[i].size / element_size(rows[i].kind);
         for (size_t element = 0; element < count; ++element)
-            if (check_long() || count <= 3 || element % 3 == (size_t)i % 3) check_element(&rows[i], element);
+            if (check_long() || count < 3 || element % 3 == (size_t)i % 3) check_element(&rows[i], element);
     }
     for (int i = 0; i <= WAYS; ++i) sps_destroy(held[i].context);
 }

@@ -868,6 +868,7 @@ static void test_flipped(void) {
         for (size_t at = 0; at < header; at += repeats && !check_long() ? 3 : 1) {
             const unsigned char kept = file.data[at];
             for (size_t k = 0; k < kinds; ++k) {
+                if (check_memory_only() && (at + k) % 4) continue; /* natively, all are */
                 patch_file(format_names[which], at, k < 8 ? (unsigned char)(kept ^ 1 << k) : bytes_of_note[k - 8]);
                 if (survives(format_names[which], file.count > voxels ? FILE_MAX : voxels))
                     ++readable;
@@ -877,7 +878,7 @@ static void test_flipped(void) {
             patch_file(format_names[which], at, kept);
         }
     }
-    CHECK(readable > 1000 && broken > 1000); /* comments, padding; sizes, names */
+    CHECK(readable > 500 && broken > 500); /* comments, padding; sizes, names */
 }
 
 typedef struct wrong {

@@ -298,7 +298,7 @@ static void test_crowded_tiles(void) {
         sps_tmap *map;
         begin(&f, technique ? SPS_TMAP_BEER : SPS_TMAP_DEEP);
         f.light.width = 300, f.light.height = 200;
-        for (int i = 0; i < 60; ++i)
+        for (int i = 0; i < (check_memory_only() ? 15 : 60); ++i)
             add(&f, i % 2, check_next(&random), check_next(&random), 4 * check_next(&random), 8 + check_next(&random),
                 0.2 * check_next(&random));
         map = must_build(&f, context);

@@ -406,7 +406,7 @@ static const wrong_field wrong_fields[] = {
 static void test_wrong(void) {
     const model m = plain_model();
     file_bytes file = {0};
-    for (size_t i = 0; i < sizeof wrong_fields / sizeof *wrong_fields; ++i) {
+    for (size_t i = 0; i < sizeof wrong_fields / sizeof *wrong_fields; i += check_memory_only() ? 3 : 1) {
         const recipe r = plain_recipe();
         write_one(&file, &m, &r);
         check_wrong_field(&file, &wrong_fields[i]);
@@ -478,7 +478,7 @@ static void test_damage(void) {
     check_random random = {9};
     int opened = 0, refused = 0;
     model m = plain_model();
-    for (int i = 0; i < (check_long() ? 1000 : check_memory_only() ? 50 : 80); ++i) {
+    for (int i = 0; i < (check_long() ? 1000 : check_memory_only() ? 20 : 80); ++i) {
         recipe r = plain_recipe();
         ex_sparse grid;
         ex_error error;

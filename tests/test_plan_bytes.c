@@ -5,7 +5,7 @@
 
 #include "random_scene.h"
 
-enum { SCENES = 300, QUICK = 110, PIXELS = 16, CROWD = 5000, KINDS = 11 };
+enum { SCENES = 300, QUICK = 55, PIXELS = 16, CROWD = 5000, KINDS = 11 };
 
 static const int excluded[] = {
     SPSI_BUFFER_LAYER_SAMPLES,     SPSI_BUFFER_LAYER_STARTS,        SPSI_BUFFER_FRAGMENTS,         SPSI_BUFFER_LAYERS,

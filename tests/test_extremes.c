@@ -687,7 +687,7 @@ static void test_bad_triangles(void) {
             printf("    wanted \"%s\", got %s\n", wanted, sentence);
         CHECK(rgba[0] == -1);
         m.s.mesh[0].has_normals = m.s.mesh[0].has_albedos = 0; /* not read then */
-        if (i / 3 > 0) RENDERS(&m.s, rgba);
+        if (i / 3 > 0 && !(check_memory_only() && i % 3)) RENDERS(&m.s, rgba);
         mixed_free(&m);
     }
 }

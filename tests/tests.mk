@@ -20,11 +20,13 @@ SANITIZE = clang $(STANDARD) -O1 -gline-tables-only -fsanitize=address,undefined
 # alignment with vectors. That takes two thirds of the time to compile.
 TRAP = $(if $(SPLATSHADOW_LONG),,-fsanitize-trap=undefined -fno-sanitize=null,pointer-overflow)
 export ASAN_OPTIONS ?= handle_sigill=1
+# -Og takes half as long to compile as -O1, and few tests run there in short mode
+SHORTER = $(if $(SPLATSHADOW_LONG),-O2,-Og)
 COMPILE_wide_sanitized = $(SANITIZE) -march=native $(TRAP)
 COMPILE_sanitized = $(SANITIZE) -DSPS_NO_SIMD
-COMPILE_cpp       = g++ -x c++ -std=c++11 -D_POSIX_C_SOURCE=200809L $(if $(SPLATSHADOW_LONG),-O2,-O1)
+COMPILE_cpp       = g++ -x c++ -std=c++11 -D_POSIX_C_SOURCE=200809L $(SHORTER)
 COMPILE_baseline  = gcc $(STANDARD) -O2
-COMPILE_plain     = gcc $(STANDARD) $(if $(SPLATSHADOW_LONG),-O2,-O1) -DSPS_NO_SIMD
+COMPILE_plain     = gcc $(STANDARD) $(SHORTER) -DSPS_NO_SIMD
 COMPILE_threads   = clang $(STANDARD) -O1 -g -fsanitize=thread -march=native
 # In plain C: clang 14 takes what most vector instructions answer for uninitialised if any lane of theirs is
 COMPILE_memory    = clang $(STANDARD) -O1 -gline-tables-only -DSPS_NO_SIMD -fsanitize=memory

@@ -93,9 +93,9 @@ static inline int check_case(const char *row, double measured, double tolerance,
 /* Whether the data of sps_get_error agree with the last call's sentence: "OBJECT[index].FIELD", and the value, as a
    number or as the name of an enumerator. */
 static inline int check_error_info(const sps_context *context, sps_result result) {
-    static const char *const names[] = {"",     "",      "config",    "scene", "view",  "image",    "volume",
-                                        "mesh", "light", "particles", "tmap",  "light", "settings", "settings",
-                                        "export", "out", "strands"};
+    static const char *const names[] = {"",         "",         "config", "scene",     "view",   "image",
+                                        "volume",   "mesh",     "light",  "particles", "tmap",   "light",
+                                        "settings", "settings", "export", "out",       "strands"};
     char start[128], number[32];
     sps_error_info info;
     sps_get_error(context, &info);
@@ -734,7 +734,7 @@ static inline long check_failing(const check_scene *s, int cancels, int sparse, 
             CHECK(check_try(by, s, rgba) == SPS_OK);
         }
         CHECK(check_same(s, rgba, exact));
-        CHECK(check_try(by, s, rgba) == SPS_OK && check_same(s, rgba, exact));
+        if (check_long() || result == SPS_OK) CHECK(check_try(by, s, rgba) == SPS_OK && check_same(s, rgba, exact));
         sps_destroy(by);
         CHECK(hooks.live == 0);
     } while (result != SPS_OK && at < 100000);

@@ -174,7 +174,7 @@ static void test_kept(void) {
         for (int why = 0; why < CAUSES; ++why) {
             long n = 1, tried = 0;
             for (; n < 20000 && fails_between((kept)kind, (cause)why, n); ++tried)
-                n += why == ALLOCATION || check_long() ? 1 : 1 + n / 2 * (kind == CELLS ? 2 : 1);
+                n += check_long() ? 1 : why == ALLOCATION ? 1 + n / 8 : 1 + n / 2 * (kind == CELLS ? 2 : 1);
             CHECK(n < 20000 && (tried > 0) == (why != PROVIDER || kind != VOXELS)); /* voxels are not read again */
             if (figures()) printf("%s: %ld %s\n", names[kind], tried, causes[why]);
         }

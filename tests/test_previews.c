@@ -194,7 +194,7 @@ static void test_errors(void) {
         s.view.quality = high ? SPS_QUALITY_HIGH : draft ? SPS_QUALITY_DRAFT : SPS_QUALITY_MEDIUM;
         s.view.width = s.view.height = 2 * LARGE;
         CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan)); /* texels of voxels, of the gas that was read */
-        for (int i = 0; i < 10; ++i) {
+        for (int i = 0; i < 10; i += check_long() ? 1 : 2) {
             const double voxels = 1.8 / sizes[i] * GRID / 2; /* in a pixel */
             double error, exact;
             s.view.width = s.view.height = sizes[i];

@@ -353,7 +353,7 @@ static void test_pictures(void) {
         if (!check_long() && i != 3 && i != 11) continue;
         check_clear(&s, 8, 8);
         s.view.scattering = i % 6 > 2 ? SPS_SCATTERING_MULTIPLE : SPS_SCATTERING_SINGLE;
-        s.view.scattering_resolution = check_long() ? 0 : 32;
+        s.view.scattering_resolution = check_long() ? 0 : 24;
         sps_volume *gas = check_add_puff(&s, 4);
         gas->revision = 1;
         check_color(gas->albedo, 0.8, 0.9, 1);

@@ -147,7 +147,8 @@ static void check_relation(int r, int n) {
 
 static void test_relations(void) {
     for (int r = 0; r < RELATIONS; ++r)
-        for (int n = 0; n < WAYS; ++n) check_relation(r, n);
+        for (int n = 0; n < WAYS; ++n)
+            if (check_long() || (r + n) % 2 == 0) check_relation(r, n);
 }
 
 int main(void) {

@@ -184,7 +184,7 @@ static void test_tree_against_loops(void) {
             }
             snprintf(name, sizeof name, "%d triangles at %g", counts[n], offset[0]);
             if (!build_faces(&s, offset, &faces)) return;
-            check_rays(&faces, 1600, counts[n] >= 40, &random, name);
+            check_rays(&faces, check_long() ? 1600 : 600, counts[n] >= 40, &random, name);
         }
 }
 

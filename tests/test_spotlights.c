@@ -186,7 +186,7 @@ static void test_wide_beam(void) {
     s.view.no_shadows = 1;
     gas_error(&s, 1e-5);
     light->kind = SPS_LIGHT_POINT;
-    for (int i = 0; i < SIDE * SIDE; i += check_long() ? 7 : 15) {
+    for (int i = 0; i < SIDE * SIDE; i += check_long() ? 7 : 31) {
         double truth = 0, thrown[3];
         for (int n = 0; n < PLACES * PLACES; ++n) {
             light->position[1] = at[1] + ((n % PLACES + 0.5) / PLACES * 2 - 1) * half;

@@ -268,7 +268,7 @@ static void test_throwing(void) {
         memcpy(counts, state.all, sizeof counts);
         for (int leaves = 0; leaves < KINDS; ++leaves)
             for (long at = 1; at <= counts[leaves] && (at == 1 || leaves <= CLOCK);
-                 at += check_long() ? 1 + at / 8 : 7 * at) {
+                 at += check_long() ? 1 + at / 8 : 15 * at) {
                 leave((call)which, (kind)leaves, at);
                 times[leaves] += 1;
             }

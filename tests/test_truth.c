@@ -450,7 +450,8 @@ static void test_truths(void) {
     sps_context *context = check_context(NULL);
     for (size_t i = 0; i < sizeof truths / sizeof *truths; ++i)
         for (int n = 0; n < 4; ++n)
-            for (int marched = 0; marched < 2; ++marched) check_truth(context, &truths[i], marched, n);
+            for (int marched = 0; marched < 2; ++marched)
+                if (check_long() || ((int)i + n + marched) % 2 == 0) check_truth(context, &truths[i], marched, n);
     sps_destroy(context);
     check_free_triangles(&floor_faces);
 }

@@ -134,6 +134,12 @@ static inline void check_run(const char *name, void (*test)(void)) {
 /* Whether these are the long tests. The others leave out what costs time and repeats what is tested elsewhere. */
 static inline int check_long(void) { return getenv("SPLATSHADOW_LONG") != NULL; }
 
+/* Runs a test among the long ones only: it is slow, and others notice each deliberate error of tests/mutants.txt. */
+#define RUN_LONG(test)                                                                                                 \
+    do {                                                                                                               \
+        if (check_long()) RUN(test);                                                                                   \
+    } while (0)
+
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define SANITIZED 1
 #elif defined(__has_feature)

@@ -546,7 +546,7 @@ int main(void) {
     RUN(test_ground);
     RUN(test_unserved);
     RUN(test_few_tables);
-    RUN(test_shared_tables);
+    RUN_LONG(test_shared_tables);
     sps_destroy(context);
     check_free_triangles(&triangles);
     return check_report();

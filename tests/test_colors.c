@@ -564,11 +564,11 @@ int main(void) {
     fill_cloud();
     RUN(test_mixture);
     RUN(test_one_color);
-    RUN(test_cloud_paths);
-    RUN(test_reference);
+    RUN_LONG(test_cloud_paths);
+    RUN_LONG(test_reference);
     RUN(test_labels);
     RUN(test_sheet);
-    RUN(test_surfaces);
+    RUN_LONG(test_surfaces);
     RUN(test_maps);
     RUN(test_particles);
     RUN(test_beside);

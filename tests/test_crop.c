@@ -611,7 +611,7 @@ int main(void) {
     RUN(test_clumps);
     RUN(test_unrelated);
     RUN(test_reference);
-    RUN(test_paths);
+    RUN_LONG(test_paths);
     RUN(test_mass);
     RUN(test_level);
     RUN(test_maps);

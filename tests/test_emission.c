@@ -294,7 +294,7 @@ int main(void) {
     RUN(test_table);
     RUN(test_flame);
     RUN(test_blocks);
-    RUN(test_paths);
+    RUN_LONG(test_paths);
     RUN(test_drawn);
     RUN(test_errors);
     sps_destroy(context);

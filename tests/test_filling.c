@@ -1752,7 +1752,7 @@ int main(void) {
     RUN(test_tolerance_of_small_voxels);
     RUN(test_tolerance_of_light);
     RUN(test_bound_of_lights);
-    RUN(test_tolerance_beside_rods);
+    RUN_LONG(test_tolerance_beside_rods);
     RUN(test_tolerance_of_light_beside_rods);
     RUN(test_not_interpolated);
     RUN(test_samples_alike);

@@ -178,8 +178,7 @@ static void test_default_size(void) {
         lit_by_map(&p, light);
         check_render(context, &p.s, n ? image_b : image_a);
         {
-            const spsi_shadow_table *map =
-                (const spsi_shadow_table *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data;
+            const spsi_shadow_table *map = (const spsi_shadow_table *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data;
             const double voxel = 2.0 / 16, farthest = 1.45; /* kernels reach at most 2.5 voxels farther */
             CHECK(map->grid.face_count == 6);
             CHECK(n ? map->grid.rays[0].width == 128

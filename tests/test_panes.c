@@ -1122,7 +1122,7 @@ int main(void) {
     RUN(test_seen_edges);
     RUN(test_closed_net);
     RUN(test_glowing_fog);
-    RUN(test_lit_fog);
+    RUN_LONG(test_lit_fog);
     RUN(test_lit_before_a_pane);
     RUN(test_penumbra_in_fog);
     RUN(test_panes_before_fog);
@@ -1133,9 +1133,9 @@ int main(void) {
     RUN(test_finer_image);
     RUN(test_number_of_samples);
     RUN(test_same_bits);
-    RUN(test_dense_stand_in);
+    RUN_LONG(test_dense_stand_in);
     RUN(test_seams);
-    RUN(test_single_sides);
+    RUN_LONG(test_single_sides);
     RUN(test_many_steep_panes);
     RUN(test_gas_behind_an_edge);
     for (int i = 0; i < LISTS; ++i) check_free_triangles(&lists[i]);

@@ -1451,7 +1451,7 @@ int main(void) {
     RUN(test_lit_inside);
     RUN(test_weak);
     RUN(test_voxel_stand_in);
-    RUN(test_many);
+    RUN_LONG(test_many);
     RUN(test_mass);
     RUN(test_dense_specks);
     RUN(test_drift);

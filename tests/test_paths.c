@@ -851,9 +851,9 @@ int main(void) {
     RUN(test_embers);
     RUN(test_lobes);
     RUN(test_furnace);
-    RUN(test_flame_in_haze);
+    RUN_LONG(test_flame_in_haze);
     RUN(test_flame_above_floor);
-    RUN(test_exchanged);
+    RUN_LONG(test_exchanged);
     RUN(test_polygons);
     RUN(test_corners);
     RUN(test_tiny);

@@ -817,7 +817,7 @@ int main(void) {
     RUN(test_gap);
     RUN(test_distant_disc);
     RUN(test_cone);
-    RUN(test_two_blockers);
+    RUN_LONG(test_two_blockers);
     RUN(test_mirror);
     RUN(test_workers);
     RUN(test_refused);

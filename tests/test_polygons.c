@@ -899,7 +899,8 @@ static void test_grazing_places(void) {
         memset(&face, 0, sizeof face);
         spsi_surface_place(&face, plane, ray, rasterised, point);
         CHECK(fabs(point[2]) <= 1e-15);
-        if (!CHECK(fabs(point[0] - 2) <= (tilt > 1e-8 ? 1e-6 / tilt : 0))) printf("    tilt %g: at %g\n", tilt, point[0]);
+        if (!CHECK(fabs(point[0] - 2) <= (tilt > 1e-8 ? 1e-6 / tilt : 0)))
+            printf("    tilt %g: at %g\n", tilt, point[0]);
     }
 }
 

@@ -201,7 +201,8 @@ static void test_plane(void) {
 }
 
 /* At the centre of a thin ball under a sun of irradiance 4 pi, L0 is albedo times depth times 1 - depth, to first order
-   half of that twice. A lobe turns it into L1, towards the sun for a positive asymmetry. Bounds as above, of 48 cells. */
+   half of that twice. A lobe turns it into L1, towards the sun for a positive asymmetry. Bounds as above, of 48 cells.
+ */
 static void test_thin_ball(void) {
     static const double centre[3] = {0, 0, 0};
     for (int i = 0; i < 2; ++i) {
@@ -746,7 +747,7 @@ int main(void) {
     RUN(test_thin_ball);
     RUN(test_flame);
     RUN(test_lamp);
-    RUN(test_pictures);
+    RUN_LONG(test_pictures);
     RUN(test_lamp_in_cell);
     RUN(test_cache);
     RUN(test_two_grids);

@@ -591,7 +591,7 @@ int main(void) {
     RUN(test_focus);
     RUN(test_tilted_lens);
     RUN(test_hidden_colors);
-    RUN(test_white);
+    RUN_LONG(test_white);
     RUN(test_falloff);
     RUN(test_reference);
     RUN(test_fine_in_gas);

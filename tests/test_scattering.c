@@ -739,7 +739,7 @@ int main(void) {
     RUN(test_reference);
     RUN(test_dense_reference);
     RUN(test_shadows);
-    RUN(test_cloud);
+    RUN_LONG(test_cloud);
     RUN(test_left_out);
     RUN(test_passes);
     RUN(test_thin);

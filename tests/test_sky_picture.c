@@ -285,7 +285,7 @@ int main(void) {
     RUN(test_places);
     RUN(test_bright);
     RUN(test_shrink);
-    RUN(test_horizon);
+    RUN_LONG(test_horizon);
     remove(path);
     return check_report();
 }

@@ -888,7 +888,7 @@ int main(void) {
     RUN(test_sides);
     RUN(test_sun);
     RUN(test_agreement);
-    RUN(test_beam_paths);
+    RUN_LONG(test_beam_paths);
     RUN(test_polygons);
     RUN(test_plate);
     RUN(test_lamp_within);

@@ -827,7 +827,7 @@ int main(void) {
     RUN(test_even_slab);
     RUN(test_against_sheets);
     RUN(test_sizes);
-    RUN(test_light_within);
+    RUN_LONG(test_light_within);
     RUN(test_held);
     RUN(test_held_mirrored);
     RUN(test_held_particles);

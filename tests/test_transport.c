@@ -1503,9 +1503,9 @@ int main(void) {
     RUN(test_slab_scattering_sheets);
     RUN(test_slab_energy);
     RUN(test_thin_sheets);
-    RUN(test_dark_below);
+    RUN_LONG(test_dark_below);
     RUN(test_blob);
-    RUN(test_long_voxels);
+    RUN_LONG(test_long_voxels);
     RUN(test_pixel_filter);
     RUN(test_ball_chords);
     RUN(test_thin_things_stay);
@@ -1528,7 +1528,7 @@ int main(void) {
     RUN(test_phase_rendered);
     RUN(test_reciprocity);
     RUN(test_orders_agree);
-    RUN(test_convergence);
+    RUN_LONG(test_convergence);
     RUN(test_transfer_gas);
     RUN(test_transfer_surface);
     RUN(test_camera_inside);

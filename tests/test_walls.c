@@ -1564,7 +1564,7 @@ int main(void) {
     RUN(test_outside);
     RUN(test_polynomials);
     RUN(test_within);
-    RUN(test_behind_slab);
+    RUN_LONG(test_behind_slab);
     RUN(test_neighbours);
     RUN(test_beside_slab);
     RUN(test_lobes_beside_slab);
@@ -1585,7 +1585,7 @@ int main(void) {
     RUN(test_received_between);
     RUN(test_orders);
     RUN(test_even_moments);
-    RUN(test_colored_lights);
+    RUN_LONG(test_colored_lights);
     RUN(test_white_floor);
     RUN(test_paths);
     RUN(test_paths_unshadowed);

@@ -361,7 +361,7 @@ int main(void) {
     context = check_context(NULL);
     RUN(test_against_reference);
     RUN(test_any_angle);
-    RUN(test_middle);
+    RUN_LONG(test_middle);
     RUN(test_matrices);
     RUN(test_few_pixels);
     RUN(test_region);

@@ -1393,7 +1393,7 @@ int main(void) {
     context = sps_create(NULL, NULL);
     RUN(test_rings);
     RUN(test_ground);
-    RUN(test_two_layers);
+    RUN_LONG(test_two_layers);
     RUN(test_each_color);
     RUN_LONG(test_floors);
     RUN_LONG(test_patch);

@@ -1310,7 +1310,7 @@ int main(void) {
     RUN(test_before_near);
     RUN(test_fronts_alone);
     RUN(test_cut_particles);
-    if (!check_memory_only()) RUN(test_cut_sums);
+    RUN_LONG(test_cut_sums);
     RUN(test_texels);
     RUN(test_seams);
     RUN(test_seams_of_fine_particles);

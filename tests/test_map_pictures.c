@@ -597,7 +597,7 @@ int main(void) {
     RUN(test_held_voxels);
     RUN(test_picture_settings_are_copied);
     RUN(test_picture_refusals);
-    RUN(test_planned_lists);
+    RUN_LONG(test_planned_lists);
     RUN(test_picture_allocations);
     return check_report();
 }

@@ -1496,7 +1496,7 @@ int main(void) {
     RUN(test_progress);
     RUN(test_callbacks);
     RUN(test_depths);
-    RUN(test_sizes);
+    RUN_LONG(test_sizes);
     RUN(test_ranges);
     RUN(test_nothing);
     RUN(test_worlds);

@@ -1467,7 +1467,7 @@ int main(void) {
     RUN(test_light_too_far);
     RUN(test_nothing);
     RUN(test_failing);
-    RUN(test_memory);
+    RUN_LONG(test_memory);
     RUN(test_plan);
     RUN(test_plan_bounds);
     RUN(test_stats);

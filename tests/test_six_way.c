@@ -870,7 +870,7 @@ int main(void) {
     RUN(test_codes);
     RUN(test_fit);
     RUN(test_names);
-    if (!check_memory_only()) RUN(test_shader);
+    RUN_LONG(test_shader);
     tested = "bake";
     if (!check_memory_only()) test_command_line(); /* which is no program with sanitizers */
     return check_report();

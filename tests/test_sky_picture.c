@@ -281,7 +281,7 @@ int main(void) {
     RUN(test_ends);
     RUN(test_ending);
     RUN(test_refused);
-    RUN(test_damaged);
+    RUN_LONG(test_damaged);
     RUN(test_places);
     RUN(test_bright);
     RUN(test_shrink);

@@ -894,7 +894,7 @@ int main(void) {
     RUN(test_lamp_within);
     RUN(test_sources);
     RUN(test_classified);
-    RUN(test_samples);
+    RUN_LONG(test_samples);
     RUN(test_behind_slab);
     RUN(test_narrow_cones);
     RUN(test_workers);

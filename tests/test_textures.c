@@ -792,7 +792,7 @@ int main(void) {
     RUN(test_own_color);
     RUN(test_terms);
     RUN(test_emission_once);
-    RUN(test_checker_against_reference);
+    RUN_LONG(test_checker_against_reference);
     RUN(test_strips);
     RUN(test_workers);
     RUN(test_regions);

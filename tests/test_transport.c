@@ -1530,7 +1530,7 @@ int main(void) {
     RUN(test_orders_agree);
     RUN_LONG(test_convergence);
     RUN(test_transfer_gas);
-    RUN(test_transfer_surface);
+    RUN_LONG(test_transfer_surface);
     RUN(test_camera_inside);
     RUN(test_alignment);
     RUN(test_depth);

@@ -1590,8 +1590,8 @@ int main(void) {
     RUN(test_paths);
     RUN(test_paths_unshadowed);
     RUN(test_paths_cut_spot);
-    RUN(test_scaled);
-    RUN(test_turned);
+    RUN_LONG(test_scaled);
+    RUN_LONG(test_turned);
     RUN(test_channels);
     RUN(test_workers);
     RUN(test_failures);

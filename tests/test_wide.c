@@ -365,7 +365,7 @@ int main(void) {
     RUN(test_matrices);
     RUN(test_few_pixels);
     RUN(test_region);
-    RUN(test_workers);
+    RUN_LONG(test_workers);
     RUN(test_tiles);
     RUN(test_shadows_once);
     RUN(test_budget);

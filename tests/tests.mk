@@ -44,7 +44,7 @@ COMPILE_hlsl      = $(COMPILE_cpp) -DSAMPLING_HLSL
 # those with most kinds of memory access; in C++, which has SSE2 here, and in plain C the most sensitive ones.
 TESTS_native    = $(if $(SPLATSHADOW_LONG),$(TESTS),$(filter-out test_seeds,$(TESTS))) fuzz soak
 MAP_TESTS = test_map_answers test_map_memory test_map_pictures test_map_states
-TESTS_wide_sanitized = test_extremes test_hooks test_workers test_interface test_files test_inflate test_vdb test_nvdb test_exr test_bake test_ears test_polygons test_seeds $(MAP_TESTS) test_watertight
+TESTS_wide_sanitized = test_extremes test_hooks test_workers test_interface test_files test_inflate test_vdb test_nvdb test_ears test_polygons test_seeds $(MAP_TESTS) test_watertight
 TESTS_cpp       = test_pictures test_arrays test_throwing test_simd
 TESTS_plain     = test_transmittance test_arrays
 TESTS_glsl      = test_sampling

@@ -223,7 +223,8 @@ $(foreach c,$(READY),$(eval build/tests/$(c).test_tutorial.log: $(READY_STEPS)))
 # some of these take long. What others are linked with comes first, so that neither core waits.
 .PHONY: objects run-tests
 objects: $(foreach c,$(filter native,$(READY)) $(filter-out native,$(filter $(SPLIT),$(READY))),$(call code,$(c))) $(SIMD_PLAIN_THERE) \
-	$(if $(STB_THERE),$(if $(filter native,$(READY)),build/tests/render build/tests/bake build/tests/join))
+	$(if $(STB_THERE),$(if $(filter native,$(READY)),build/tests/render build/tests/bake build/tests/join)) \
+	$(foreach c,$(filter $(PRECOMPILED),$(READY)),$(call precompiled,$(c)).gch)
 run-tests: $(INSTALL_CHECKS_THERE:%=build/tests/install.%.log) $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
 	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) $(READY_STEPS) \
 	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log build/tests/cases.log build/tests/names.log \
@@ -245,14 +246,21 @@ build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h examples/sha
 endef
 
 # At -O2, gcc sees variables that may be unset: it warns of more than syntax checks and -O0 do.
-.PRECIOUS: build/tests/%.code.o
+.PRECIOUS: build/tests/%.code.o build/tests/%.pch/check.h.gch
 build/tests/%.code.o: build/tests/weak.h build/tests/open.h
 	@$(COMPILE_$*) $(OPTIMIZE_$*) $(if $(filter native plain,$*),-Wall -Wextra -Werror,-w) -DSPLATSHADOW_IMPLEMENTATION $(if $(filter cpp,$*),,-x c) -c $(or $(HEADER_$*),$<) -o $@
 
+# Where it is compiled most often, check.h is compiled before, for the tests that are not optimised.
+SPLIT_FLAGS = -Wall -Ibuild/tests/faces -DCHECK_HEADERS='"build/tests/faces"' $(INCLUDES) -Iexamples -Itests
+PRECOMPILED = $(if $(SPLATSHADOW_LONG),,native wide_sanitized)
+precompiled = $(if $(filter $(1),$(PRECOMPILED)),build/tests/$(1).pch/check.h)
+build/tests/%.pch/check.h.gch: tests/check.h build/tests/faces/splatshadow.h
+	@mkdir -p $(@D) && $(COMPILE_$*) -O0 $(SPLIT_FLAGS) -pthread -x c-header $< -o $@
+
 define split_rules
-build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h examples/shaders/*) $(call code,$(1)) build/tests/faces/splatshadow.h
-	@$(call sized,$(1))$$(call run,$(1).$$*,$$(COMPILE_$(1)) $$(call optimize,$$*) -Wall -Ibuild/tests/faces -DCHECK_HEADERS='"build/tests/faces"' $$(INCLUDES) -Iexamples -Itests $$< -x none $(call code,$(1)) \
-		-o build/tests/$(1).$$* $$(LIBRARIES) && build/tests/$(1).$$*)
+build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h examples/shaders/*) $(call code,$(1)) build/tests/faces/splatshadow.h $(addsuffix .gch,$(call precompiled,$(1)))
+	@$(call sized,$(1))$$(call run,$(1).$$*,$$(COMPILE_$(1)) $$(call optimize,$$*) $$(if $$(filter $$(COMPUTING),$$*),,$(addprefix -include ,$(call precompiled,$(1)))) \
+		$$(SPLIT_FLAGS) $$< -x none $(call code,$(1)) -o build/tests/$(1).$$* $$(LIBRARIES) && build/tests/$(1).$$*)
 endef
 $(foreach configuration,$(filter-out $(SPLIT),$(CONFIGURATIONS)),$(eval $(call configuration_rules,$(configuration))))
 $(foreach configuration,$(filter $(SPLIT),$(CONFIGURATIONS)),$(eval $(call split_rules,$(configuration))))

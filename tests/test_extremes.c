@@ -1622,7 +1622,7 @@ static void test_denormal_results(void) {
 }
 
 static void test_everything_is_sane(void) {
-    for (int i = 0; i < 6; ++i) {
+    for (int i = 0; i < 6; i += check_memory_only() ? 2 : 1) {
         mixed m;
         mixed_build(&m);
         if (i == 1) m.s.volume[0].extinction = 1e8f;

@@ -20,7 +20,7 @@
 
 #include "random_scene.h"
 
-enum { VOXELS = 8, ATTEMPTS = 40, QUICK = 8, QUICK_CELLS = 3 }; /* QUICK...: scenes of the quick test */
+enum { VOXELS = 8, ATTEMPTS = 40, QUICK = 6, QUICK_CELLS = 3 }; /* QUICK...: scenes of the quick test */
 
 /* Balls of a pixel or two keep their mass, which the reference's rays through the middles of pixels do not: in the long
    test, which has scenes where nothing else is seen, they are wider. */

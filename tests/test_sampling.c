@@ -660,6 +660,7 @@ static void test_half(void) {
     const double unit = greatest_depth(context);
     for (size_t row = 0; row < sizeof rows / sizeof *rows; ++row)
         for (int i = 0; i < 3; ++i) {
+            if (!check_long() && ((int)row + i) % 3) continue;
             sps_tmap *map = build_gas(&f, variant_of(rows[row].name), reach[i] / unit, context);
             if (!CHECK(map != NULL)) continue;
             hand_over(map, &f);

@@ -1,6 +1,6 @@
 # make             builds every example into build/
 # make demo        fetches missing packages if possible, builds, and renders all pictures into build/demo/
-# make test        all tests in all configurations, under 4 minutes; ends with `N passed, N failed`
+# make test        tests in four configurations, 4 minutes on two cores; ends with `N passed, N failed`
 # make test-long   the same with nothing skipped natively, and in more configurations
 # make fuzz        scenes, maps and files made of bytes, which libFuzzer draws, under sanitizers; SECONDS=600 JOBS=2 PLAIN=1
 # make fuzz-scenes random scenes under sanitizers; COUNT=scenes SEED=first

@@ -134,7 +134,8 @@ static inline void check_run(const char *name, void (*test)(void)) {
 /* Whether these are the long tests. The others leave out what costs time and repeats what is tested elsewhere. */
 static inline int check_long(void) { return getenv("SPLATSHADOW_LONG") != NULL; }
 
-/* Runs a test among the long ones only: it is slow, and others notice each deliberate error of tests/mutants.txt. */
+/* Runs a test among the long ones only: it is slow, and other tests were the first to notice each deliberate error of
+   tests/mutants.txt. */
 #define RUN_LONG(test)                                                                                                 \
     do {                                                                                                               \
         if (check_long()) RUN(test);                                                                                   \

@@ -30,8 +30,8 @@ COMPILE_plain     = gcc $(STANDARD) $(SHORTER) -DSPS_NO_SIMD
 COMPILE_threads   = clang $(STANDARD) -O1 -g -fsanitize=thread -march=native
 # In plain C: clang 14 takes what most vector instructions answer for uninitialised if any lane of theirs is
 COMPILE_memory    = clang $(STANDARD) -O1 -gline-tables-only -DSPS_NO_SIMD -fsanitize=memory
-# As in the README; and the ways in which compilers contract a * b + c, which differ between
-# these and the sanitized ones, except that clang is as wide_sanitized
+# As in the README; and the ways in which compilers contract a * b + c, which differ between these and the sanitized
+# ones, except that clang is as wide_sanitized
 COMPILE_readme    = cc -O3 -march=native
 COMPILE_fused     = gcc $(STANDARD) -O1 -march=native -ffp-contract=fast
 COMPILE_clang     = clang -O1 -march=native
@@ -105,8 +105,8 @@ VARIANT_chromium = -DSPLATSHADOW_IMPLEMENTATION -Wall -Wextra -Wloop-analysis -W
 	-Wsign-conversion -Wtautological-unsigned-zero-compare
 ENGINE_CHECKS = gcc_c++17_godot clang_c11_godotclang clang_c++20_unreal clang_c11_chromium \
 	$(if $(SPLATSHADOW_LONG),gcc_c11_godot clang_c++17_godotclang clang_c11_unreal clang_c++20_chromium)
-# In short tests, gcc has every variant in C, clang those with vectors in C++, and each some in the other; what programs link is compiled,
-# and only two variants are, for examples/dispatch.c
+# In short tests, gcc has every variant in C, clang those with vectors in C++, and each some in the other. Objects are
+# made of what programs link, and of what clang checks; examples/dispatch.c has two variants
 EVERY_CHECK = $(foreach c,$(CHECK_COMPILERS),$(foreach s,$(CHECK_STANDARDS),$(foreach v,$(CHECK_VARIANTS),$(c)_$(s)_$(v))))
 SHORT_CHECKS = gcc_c99_% $(filter-out %_plain,$(filter clang_c++11_%,$(EVERY_CHECK))) gcc_c++11_sse2 clang_c99_face
 CHECKS = $(if $(SPLATSHADOW_LONG),$(EVERY_CHECK),$(filter $(SHORT_CHECKS),$(EVERY_CHECK))) $(STATIC_CHECKS) $(ENGINE_CHECKS)

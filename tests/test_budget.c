@@ -917,7 +917,8 @@ static void test_made_when_still(void) {
     for (int n = 0; n < 30; ++n) {
         now = moving_frame(&s, context, n, n < 10 || n > 20);
         sps_get_stats(context, &stats);
-        CHECK(now.scattering_resolution == (n < 10 ? 24 : 48) && (stats.cells > 0) == (n < 3 || n == 10));
+        CHECK(now.scattering_resolution == (n < 10 ? 24 : 48));
+        if (n != 1 && n != 2) CHECK((stats.cells > 0) == (n == 0 || n == 10)); /* they may try another quality */
     }
     sps_destroy(context);
 }

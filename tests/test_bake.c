@@ -809,11 +809,13 @@ static sps_tmap *make_loaded(sps_context *context, const loaded *s, const sps_tm
    6e-8, of numbers up to the largest one. Where both are compiled alike, no more than that is found. Otherwise a texel
    may have one more slice of gas at an end, with an optical depth of 1e-10, which the other rounds to none. That moves
    the bins by which a range is found, and so its ends by up to half of one of 16 bins. At three times the mean density,
-   there is a tenth of the optical depth. One texel in 100 may be such. */
+   there is a tenth of the optical depth. One texel in 100 may be such. Vectors and plain C differ by 2e-5, as in
+   test_simd. */
 static void check_numbers(sps_tmap *map, sps_export_layout layout, sps_export_content content, const char *name) {
     static float made[MOST / 4];
     sps_tmap_export_settings settings;
     sps_tmap_texture about;
+    const double room = SPSI_LANES > 1 ? 1e-6 : 2e-5;
     double worst = 0, largest = 0;
     size_t moved = 0;
     memset(&settings, 0, sizeof settings);
@@ -828,7 +830,7 @@ static void check_numbers(sps_tmap *map, sps_export_layout layout, sps_export_co
     }
     for (size_t i = 0; i < file.count; ++i) {
         const double off = fabs((double)made[i] - number_at(&file, i));
-        if (made[i] < 1e29f) worst = fmax(worst, off), moved += off > 1e-6 * largest;
+        if (made[i] < 1e29f) worst = fmax(worst, off), moved += off > room * largest;
     }
     if (!CHECK(moved * 100 <= file.count && worst <= 0.1 * largest && largest > 0.05))
         printf("    %s: %d numbers, by up to %g of %g\n", name, (int)moved, worst, largest);

@@ -1155,6 +1155,28 @@ static void test_nothing_for_surfaces(void) {
     }
 }
 
+/* Ambient light alone on a ball of surface, which shades itself. The formula is for flat ones, and 1.4 % off. A skin of
+   three of the radius's ten voxels also gets light from up to acos(0.7) below its horizon: 10 % of its own. */
+static void test_ambient_on_surfaces(void) {
+    static const float depths[] = {40, 4, 0.5f, 40};
+    for (int n = 0; n < 4; ++n) {
+        sps_transfer_point points[] = {{0.2f, {0.8f, 0.6f, 0.4f}, 0, {0, 0, 0}},
+                                       {0.5f, {0.8f, 0.6f, 0.4f}, 0, {0, 0, 0}}};
+        const sps_transfer skin = {points, 2, NULL, NULL, 1};
+        check_scene s;
+        char name[80];
+        start_plain(&s, SUN);
+        points[1].extinction = depths[n];
+        s.volume[0].transfer = &skin, s.volume[0].classify_voxels = n == 3;
+        s.volume[0].shading = SPS_SHADING_SURFACE, s.volume[0].gradient_full = 1e-4f;
+        s.scene.light_count = 0;
+        s.view.quality = SPS_QUALITY_HIGH;
+        check_color(s.scene.ambient, 1, 0.8, 0.5);
+        snprintf(name, sizeof name, "ambient light on a surface of extinction %g, %d", (double)depths[n], n == 3);
+        check_paths(context, &s, name, n == 3 ? 200 : 60, 0.1);
+    }
+}
+
 /* Where nothing scatters nothing is followed; thin gas scatters next to nothing again. If it scatters evenly, that is,
    of what scatters once, the albedo times the depth that this has yet to pass, if both shade by the same. Cells are 1/6
    wide, a fifth of the puff's radius. */
@@ -2429,6 +2451,7 @@ int main(void) {
     RUN(test_white_sky_in_sheets);
     RUN(test_little);
     RUN(test_nothing_for_surfaces);
+    RUN(test_ambient_on_surfaces);
     RUN(test_linear);
     RUN(test_unshadowed);
     RUN(test_swapped);

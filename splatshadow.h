@@ -2950,7 +2950,7 @@ static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) 
 
 typedef struct spsi_table {
     float entry[SPSI_TABLE_SIZE + 1][4]; /* red, green, blue, extinction */
-    float below[SPSI_TABLE_SIZE + 1];    /* integral of extinction over entries before */
+    float below[SPSI_TABLE_SIZE + 1];    /* integral of extinction up to each entry */
     float last_clear;                    /* index of the last entry before the first that shows */
 } spsi_table;
 
@@ -22151,9 +22151,10 @@ static void spsi_cell_place_build(const spsi_shader *shader, const spsi_pixels *
    what comes from above, evenly to all sides. S(x) = exp((r - 1) x (2 + a (1 + r / 2) x) / (1 + a x)) with a = 1.2
    makes it up to 1.4 % too dark or bright. Exact if r is 1, or near x = 0. */
 static spsi_v spsi_ambient_share(const spsi_shader *shader, const spsi_sample *sample, int c) {
-    const spsi_v r = sample->color[c], x = sample->skin, one = spsi_set(1), a = spsi_set(1.2f);
+    const spsi_v r = sample->color[c], one = spsi_set(1), a = spsi_set(1.2f);
     if (!shader->frame->content->cells) return one;
     if (!sample->has_normal) return spsi_set(0);
+    const spsi_v x = sample->skin;
     const spsi_v above = spsi_fma(spsi_mul(a, spsi_fma(spsi_set(0.5f), r, one)), x, spsi_set(2));
     const spsi_v way = spsi_mul(x, spsi_div(above, spsi_fma(a, x, one)));
     return spsi_mul(sample->surface, spsi_exp(spsi_mul(spsi_sub(r, one), way)));

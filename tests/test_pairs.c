@@ -59,7 +59,7 @@ static const int table[FEATURES][FEATURES] = {
     /* mesh         */ {56, 40, 24, 40, 40},
     /* particles    */ {28, 20, 12, 20, 20, 32},
     /* light        */ {56, 40, 24, 40, 40, 64, 32},
-    /* shadow       */ {49, 35, 21, 35, 35, 56, 28, 36},
+    /* shadow       */ {49, 35, 21, 35, 35, 56, 28, 35},
     /* side         */ {21, 15, 9, 15, 15, 24, 12, 21, 21},
     /* others       */ {35, 25, 15, 25, 25, 40, 20, 35, 35, 15},
     /* camera       */ {49, 35, 21, 35, 35, 56, 28, 56, 49, 21, 35},
@@ -83,9 +83,11 @@ static int needs(int f) {
     return -1;
 }
 
-/* Suns have no cones. */
+/* Suns have no cones. Slabs hardly ever serve a lamp at the gas's rim: soak has the few scenes where they do. */
 static int is_excluded(int f, int level, int g, int other) {
     const int light = f == LIGHT ? level : other, cones = f == CONES ? level : other;
+    if (f == LIGHT && g == SHADOW) return is_excluded(g, other, f, level);
+    if (f == SHADOW && g == LIGHT && level == SHADOW_SLABS && other == LIGHT_NEAR) return 1;
     if ((f == CONES && g == LIGHT) || (f == LIGHT && g == CONES))
         return cones && (light == LIGHT_SUN || light == LIGHT_WIDE_SUN);
     return f < FEATURES && g < FEATURES && scene_excluded(f, level, g, other) != NULL;

@@ -22146,10 +22146,10 @@ static void spsi_cell_place_build(const spsi_shader *shader, const spsi_pixels *
                             spsi_set(0.5f));
 }
 
-/* Fraction of ambient light to be added: all of it, but with cells, which light gas, only that of surfaces. A flat one
-   of reflectance r has S(x) = 2 E3(x) + 2 r integral of S(t) E2(x - t) over t in 0..x, at optical depth x: it reflects
-   what comes from above, evenly to all sides. S(x) = exp((r - 1) x (2 + a (1 + r / 2) x) / (1 + a x)) with a = 1.2
-   makes it up to 1.4 % too dark or bright. Exact if r is 1, or near x = 0. */
+/* Fraction of ambient light that a sample takes. Without cells, all of it; with cells, gas takes its light from them.
+   Matter of a flat surface with reflectance r reflects what comes from above, evenly to all sides. At optical depth x,
+   it takes S(x) = 2 E3(x) + 2 r integral of S(t) E2(x - t) over t in 0..x. With S(x) = exp((r - 1) x (2 + a (1 + r / 2)
+   x) / (1 + a x)) and a = 1.2, surfaces are up to 1.4 % too dark or bright. It is exact for r = 1, and near x = 0. */
 static spsi_v spsi_ambient_share(const spsi_shader *shader, const spsi_sample *sample, int c) {
     const spsi_v r = sample->color[c], one = spsi_set(1), a = spsi_set(1.2f);
     if (!shader->frame->content->cells) return one;

@@ -88,12 +88,12 @@ static double peak_of(sps_context *context, check_hooks *hooks, const random_sce
     return (double)hooks->peak - bytes_aside(context);
 }
 
-/* Planned bytes that a second render does not take: depth maps that no triangle meets, and cached multiple scattering.
- */
+/* Planned bytes that a second render does not take: depth maps that no triangle meets, blocks of voxels that are held,
+   and cached multiple scattering. */
 static double unused(const sps_context *context, const sps_plan_report *plan) {
     sps_stats_report stats;
     sps_get_stats(context, &stats);
-    return (double)context->planned[SPSI_BUFFER_DEPTH_MAPS] +
+    return (double)(context->planned[SPSI_BUFFER_DEPTH_MAPS] + context->planned[SPSI_BUFFER_BLOCKS]) +
            (stats.cells > 0 ? 0 : (double)(plan->pass[SPS_PASS_CELLS].bytes + plan->pass[SPS_PASS_SPREADING].bytes));
 }
 

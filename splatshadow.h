@@ -3064,7 +3064,8 @@ static inline void spsi_classify(const spsi_material *material, spsi_v value, sp
     out[3] = spsi_select(spsi_less(spsi_set(0), value), out[3], spsi_set(0));
 }
 
-/* Integral of extinction over the values from 0 on: where values rise evenly, optical depth times their gradient. */
+/* Integral of extinction over the values from 0 on, up to the table's last. Where values rise evenly, it is optical
+   depth times their gradient. */
 static inline spsi_v spsi_classify_below(const spsi_material *material, spsi_v value) {
     const spsi_v zero = spsi_set(0);
     spsi_v beyond;
@@ -21432,7 +21433,7 @@ static void spsi_samples_gradient(const spsi_shader *shader, const spsi_sampler 
     lanes &= spsi_sampler_inside(t->field, place);
     spsi_sampler_gradient(t, place, lanes, g);
     const spsi_v way = spsi_mul(spsi_sub(slab->leave, slab->enter), p->length);
-    const spsi_v length = spsi_mul(way, spsi_set(1 / (float)slab->part_count)); /* of a part, in the world */
+    const spsi_v length = spsi_mul(way, spsi_set(1 / (float)slab->part_count)); /* a part's, in world units */
     for (int c = 0; c < 3; ++c) g[c] = spsi_mul(g[c], spsi_set(unit));
     size = spsi_sqrt(spsi_dot_v(g, g));
     const spsi_v slope = spsi_mul(size, spsi_set(1 / unit));
